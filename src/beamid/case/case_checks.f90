@@ -75,9 +75,10 @@ contains
          ', the number of modes of the mesh', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
-         any(case%stages%offset) .or. case%recordings(1)%kind /= 'time') call refuse(case%path, case%score_line, 'score', &
-         'the group beside several records, kind=''free'', a free offset or a record that is no '// &
-         'function of time', 'one record with a known excitation', error)
+         any(case%stages%offset) .or. case%recordings(1)%kind /= 'time') &
+         call refuse(case%path, case%score_line, 'score', 'the group beside several records, '// &
+         'kind=''free'', a free offset or a record that is no function of time', &
+         'one record with a known excitation', error)
    end subroutine check_needs
 
    !> Refuses meshes on which one response of the exact solver, or all natural modes, would take

@@ -10,7 +10,7 @@ module beamid_key_examples
    !> One row of the table, about one key of one group.
    type :: key_example_t
       character(len=14) :: group
-      character(len=12) :: key
+      character(len=18) :: key
       !> Keys and values of a valid group that shows the key, without `&group` and `/`.
       character(len=76) :: example
       !> Unit as a dimension; blank: no unit, or that of the parameter of the same name.
@@ -36,6 +36,7 @@ module beamid_key_examples
       force = 'kind=''table'', file=''force.csv''', &
       release = 'kind=''release'', displacement=0.02', &
       property = 'parameter=''E'', x=0,0.5, value=7e10,6e10', &
+      response = 'kind=''frf'', file=''frf.csv''', &
       dip = 'kind=''dip'', place=0.2, width=0.05, depth=0.3', &
       cvode = 'method=''cvode''', &
       difference = 'formula=''displacement_difference'', delta=0.001', &
@@ -146,6 +147,17 @@ module beamid_key_examples
       key_example_t('record', 'x_P', 'x_P=0.3', 'length'), &
       key_example_t('record', 'sensor', 'sensor=''tip''', allowed='name of a &sensor'), &
       key_example_t('record', 'experiment', 'sensor=''tip'', experiment=1'), &
+      key_example_t('record', 'kind', 'kind=''frf'', file=''frf.csv'', averages=5'), &
+      key_example_t('record', 'quantity', response//', quantity=''mobility'''), &
+      key_example_t('record', 'f_first', response//', f_first=5', '1/time'), &
+      key_example_t('record', 'f_last', response//', f_last=400', '1/time'), &
+      key_example_t('record', 'f_step', &
+         'kind=''frf'', f_first=1, f_last=400, f_step=0.5', '1/time'), &
+      key_example_t('record', 'coherence_least', response//', coherence_least=0.5'), &
+      key_example_t('record', 'averages', response//', averages=5'), &
+      key_example_t('record', 'exponential_window', response//', exponential_window=2', '1/time'), &
+      key_example_t('record', 'window', response//', window=''hann'''), &
+      key_example_t('record', 'x_F', response//', x_F=0.3', 'length'), &
       key_example_t('score', 't_first', 't_first=1', 'time'), &
       key_example_t('score', 't_last', 't_last=2', 'time'), &
       key_example_t('score', 't_step', 't_step=0.01', 'time')]

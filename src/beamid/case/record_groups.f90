@@ -32,7 +32,7 @@ contains
          default='required, except by simulate')
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'factor that converts the record into an '// &
-         'acceleration: acceleration = scale (value - offset)')
+         'acceleration: acceleration = scale (value - offset); or factor of a frequency response')
       call block%get('offset', found%offset, 'offset of the sensor: value of the '// &
          'record at zero acceleration')
       call get_columns(block, 'measured values', found%time_column, found%value_column, found%rate)
@@ -43,7 +43,8 @@ contains
       call block%get('thin', found%thin, 'reduction factor n: after a low-pass filter, every '// &
          'n-th sample is used', range_t(2, 100000), default='every sample, without a filter')
       call block%get('sd', found%sd, 'estimated by the fit', &
-         'standard deviation of the noise of the acceleration', positive)
+         'standard deviation of the noise of the acceleration, or of the real and of the '// &
+         'imaginary part of a frequency response', positive)
       call block%get('length', found%length, 'length of &beam', &
          'length of the beam in this record', positive)
       call block%get('x_S', found%x_S, 'x_S of &sensor', 'position of the sensor in this record', &
@@ -87,7 +88,7 @@ contains
       call block%get('f_last', lines%last, 'end of the record; required without file', &
          'highest frequency that is used', positive)
       call block%get('f_step', lines%step, 'none; required without file', &
-         'distance of the frequencies of a response that is computed', positive)
+         'distance of the frequencies at which the command frf computes the response', positive)
       call block%get('coherence_least', lines%least_coherence, 'least coherence; lines with a '// &
          'lower coherence are left out', range_t(0, 1))
       call block%get('averages', lines%averages, 'number of blocks whose average the response '// &
@@ -112,8 +113,9 @@ contains
       !> Keys that belong to certain kinds only, and these kinds.
       character(len=*), parameter :: keys(24) = [character(len=18) :: 't_first', 't_last', &
          't_step', 'scale', 'offset', 'time_column', 'value_column', 'rate', 'clip_low', &
-         'clip_high', 'thin', 'sd', 'x_S', 'sensor', 'experiment', 'quantity', 'f_first', 'f_last', &
-         'f_step', 'coherence_least', 'averages', 'exponential_window', 'window', 'x_F'], &
+         'clip_high', 'thin', 'sd', 'x_S', 'sensor', 'experiment', 'quantity', 'f_first', &
+         'f_last', 'f_step', 'coherence_least', 'averages', 'exponential_window', 'window', &
+         'x_F'], &
          kinds(24) = [character(len=8) :: 'time', 'time', 'time', 'time frf', 'time', 'time', &
          'time', 'time', 'time', 'time', 'time', 'time frf', 'time frf', 'time frf', 'time', &
          'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf']

@@ -14,7 +14,7 @@ module beamid_see_also
    type :: related_t
       !> `a_command`, `a_group`, or the name of the group of a key; blank: a key of any group.
       character(len=14) :: of
-      character(len=14) :: topic
+      character(len=18) :: topic
       character(len=56) :: words
    end type related_t
 
@@ -100,6 +100,10 @@ module beamid_see_also
       related_t('record', 'offset', 'scale'), &
       related_t('record', 'thin', 't_step'), &
       related_t('record', 'sd', 'noise'), &
+      related_t('record', 'kind', 'frf quantity averages'), &
+      related_t('record', 'averages', 'coherence_least sd window'), &
+      related_t('record', 'exponential_window', 'window'), &
+      related_t('record', 'f_step', 'frf f_first f_last'), &
       related_t('record', 'sensor', 'experiment'), &
       related_t('record', 'experiment', 'sensor'), &
       related_t('record', 'file', 'time_column value_column rate'), &

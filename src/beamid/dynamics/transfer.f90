@@ -13,10 +13,9 @@
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_matrices, only: identity
+   use beamid_matrices, only: eliminate, identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, nearest_pole, root_t, solve_coupled, &
-      vector_t
+   use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
@@ -82,9 +81,10 @@ contains
       type(inverse_t), intent(inout) :: inverse
       type(root_t) :: place
       type(vector_t) :: vector
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, HE
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: coupled, E, HE
       complex(wp) :: load(assembly%n), none(size(assembly%v, 1)), w
       integer :: i, r
+      logical :: regular
 
       r = size(assembly%v, 1)
       place = point
@@ -93,9 +93,9 @@ contains
       call find_vector(assembly, place, vector)
       w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f)
       E = identity(r)
-      do i = 1, r
-         call solve_coupled(vector, E(:, i))
-      end do
+      coupled = vector%coupled
+      call eliminate(r, r, coupled, E, regular)
+      if (.not. regular) E = 0
       load = assembly%load_at(place%s, vector%form)
       call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
          value%q, value%u)

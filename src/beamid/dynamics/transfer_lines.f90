@@ -4,8 +4,8 @@
 !>
 !>     (A + G H) u = V'D**-1 F,  q = D**-1 (F - V H u),  G = V'D**-1 V,
 !>
-!> and h = u at the row of the sensor. At a root of some D_i these formulas lose digits, and those of
-!> `beamid_transfer`, which leave the oscillator i out, take their place.
+!> and h = u at the row of the sensor. At a root of some D_i these formulas lose digits, and those
+!> of `beamid_transfer`, which leave the oscillator i out, take their place.
 module beamid_transfer_lines
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp

@@ -11,6 +11,7 @@ module beamid_modal_tables
    use beamid_linear_unknowns, only: linear_t
    use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
    use beamid_responses, only: exact_solver_t, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -32,6 +33,7 @@ module beamid_modal_tables
       procedure :: plain
       procedure :: take
       procedure :: noun
+      procedure :: description
       procedure :: values
    end type modal_table_t
 
@@ -75,6 +77,16 @@ contains
       noun = trim(merge('mode ', 'modes', size(self%mode) == 1))
    end function noun
 
+   !> Returns a description of the table.
+   function description(self) result(text)
+      class(modal_table_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      text = to_text(size(self%mode))//' natural frequencies'
+      if (allocated(self%damping)) text = text//' and damping ratios'
+      text = text//'; modes have no order, so there is no test for white noise'
+   end function description
+
    !> Returns an empty array: modes have no order in which their errors could be correlated.
    pure function sequence(self)
       class(modal_table_t), intent(in) :: self
@@ -85,12 +97,12 @@ contains
 
    !> Assigns measured frequencies to modes of the model.
    !>
-   !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair of
-   !> a measured and a computed frequency suggests a factor. With each factor, every measured
+   !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair
+   !> of a measured and a computed frequency suggests a factor. With each factor, every measured
    !> frequency belongs to the nearest mode. The factor counts that leaves the least sum of squared
    !> logarithmic distances, in units of 5 %, and of a penalty for its own distance from 1. The
-   !> penalty is a quadratic one for some 15 % (the effect of 30 % of E), but grows slowly, because a
-   !> unit error makes a factor of any size.
+   !> penalty is a quadratic one for some 15 % (the effect of 30 % of E), but grows slowly, because
+   !> a unit error makes a factor of any size.
    !>
    !> measured  (n) ascending or not [1/time]
    !> computed  (m) ascending, m >= n [1/time]
@@ -113,8 +125,8 @@ contains
             candidate = [(minloc(abs(log(measured(k)/(factor*computed))), dim=1), &
                k=1, size(measured))]
             if (any([(any(candidate(k + 1:) == candidate(k)), k=1, size(candidate))])) cycle
-            cost = weight*log(1 + (log(factor)/of_factor)**2) + sum((log(measured/(factor*computed(candidate))) &
-               /of_ratio)**2)
+            cost = weight*log(1 + (log(factor)/of_factor)**2) &
+               + sum((log(measured/(factor*computed(candidate)))/of_ratio)**2)
             if (cost >= least) cycle
             least = cost
             modes = candidate
@@ -122,8 +134,8 @@ contains
       end do
    end subroutine assign_modes
 
-   !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as of
-   !> `observed_data_t`. There are no linear unknowns.
+   !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as
+   !> of `observed_data_t`. There are no linear unknowns.
    subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
       work, error, first)
       class(modal_table_t), intent(in) :: self

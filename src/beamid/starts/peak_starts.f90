@@ -31,7 +31,7 @@ contains
       type(residual_t), intent(in) :: problem
       integer :: r
 
-      has_frequency_data = any([(size(problem%parts(r)%observed%times()) == 0, &
+      has_frequency_data = any([((.not. problem%parts(r)%observed%in_time), &
          r=1, size(problem%parts))])
    end function has_frequency_data
 
@@ -64,10 +64,10 @@ contains
       call add_beliefs(reduced)
       call reduced%guess_noise()
       call improve(reduced)
-      if (any([(size(problem%parts(r)%observed%times()) > 0, r=1, size(problem%parts))])) then
+      if (any([(problem%parts(r)%observed%in_time, r=1, size(problem%parts))])) then
          reduced = problem
          do r = 1, size(problem%parts)
-            if (size(problem%parts(r)%observed%times()) > 0) call leave_out(reduced, r)
+            if (problem%parts(r)%observed%in_time) call leave_out(reduced, r)
          end do
          call add_beliefs(reduced)
          call reduced%guess_noise()

@@ -36,8 +36,9 @@ contains
       logical, intent(in) :: is_known
       integer, intent(in) :: most
       type(peak_t), allocatable :: peaks(:)
-      !> Height of a peak in standard deviations, and as a share of its magnitude. Among thousands of
-      !> lines of noise alone, the highest stands some seven standard deviations above the lowest.
+      !> Height of a peak in standard deviations, and as a share of its magnitude. Among thousands
+      !> of lines of noise alone, the highest stands some seven standard deviations above the
+      !> lowest.
       real(wp), parameter :: clear = 10, least_share = 0.3_wp
       !> Two peaks whose frequencies differ by a smaller share are one.
       real(wp), parameter :: same = 0.03_wp

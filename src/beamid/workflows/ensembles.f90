@@ -79,8 +79,8 @@ contains
          call check_needs(maker%case, needs_fit, error)
          if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &
             0, 'excitation kind', '''free''', 'a known excitation, to simulate records', error)
-         if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0 .and. &
-            all([(case%recordings(i)%kind == 'time', i=1, size(case%recordings))])) &
+         if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0 &
+            .and. all([(case%recordings(i)%kind == 'time', i=1, size(case%recordings))])) &
             call refuse(case%path, case%ensemble%line, 'ensemble', 'neither &draw nor &noise', &
             'one of them, so that the members differ', error)
          if (.not. allocated(error)) call load_experiments(maker%case, maker%experiments, notes, &

@@ -1,8 +1,8 @@
 !> Loads records that are not functions of time: frequency responses and tables of modes.
 module beamid_frequency_data
    use beamid_case_files, only: case_t
-   use beamid_errors, only: bad_input, error_t, failure
    use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_frequency_responses, only: frequency_response_t, variance_from_coherence
@@ -119,10 +119,10 @@ contains
          rounded(maxval(magnitude), 3)//' look like decibels; magnitude = 10^(dB/20)')
    end subroutine check_decibels
 
-   !> Determines the standard deviation of the real and of the imaginary part of every line: from the
-   !> key sd, the column sd, or the coherence and the number of averages. Without any of them it is
-   !> 1, and the fit estimates it. A Hann window correlates neighbouring lines, so that the variance
-   !> of a mean over lines grows by 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2.
+   !> Determines the standard deviation of the real and of the imaginary part of every line: from
+   !> the key sd, the column sd, or the coherence and the number of averages. Without any of them it
+   !> is 1, and the fit estimates it. A Hann window correlates neighbouring lines, so that the
+   !> variance of a mean over lines grows by 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2.
    subroutine find_noise(path, recording, table, response, error)
       character(len=*), intent(in) :: path
       type(recording_t), intent(in) :: recording
@@ -176,8 +176,8 @@ contains
       end associate
       if (.not. sum(steps) > clear*sum(abs(steps))) return
       response%h = conjg(response%h)
-      call add_note(notes, 'the phase of the response rises through its resonances, as with the '// &
-         'convention exp(-i omega t): the response has been conjugated')
+      call add_note(notes, 'the phase of the response rises through its resonances, as with '// &
+         'the convention exp(-i omega t): the response has been conjugated')
    end subroutine check_convention
 
    !> Loads a table of modes, and assigns them to modes of the model.
@@ -210,8 +210,8 @@ contains
                'mode with the numbers of the modes')
             return
          end if
-         call add_note(notes, 'the modes of the table have no numbers; the nearest modes of the '// &
-            'model are assigned to them')
+         call add_note(notes, 'the modes of the table have no numbers; the nearest modes of '// &
+            'the model are assigned to them')
       end if
       do k = 1, size(table%mode)
          if (table%mode(k) > size(computed)) then

@@ -39,14 +39,14 @@ module beamid_response_checks
       hypothesis_t(1/g, 0, 'the accelerations look like multiples of g; expected scale=9.80665'), &
       hypothesis_t(g, 0, 'the force looks like one in kgf; expected scale=0.101972'), &
       hypothesis_t(1e3_wp, 0, 'the motion looks like one in mm; expected scale=0.001'), &
-      hypothesis_t(1e-3_wp, 0, 'the force looks like one in mN, or the response like one per kN; '// &
-      'expected scale=1000'), &
+      hypothesis_t(1e-3_wp, 0, 'the force looks like one in mN, or the response like one per '// &
+      'kN; expected scale=1000'), &
       hypothesis_t(1e6_wp, 0, 'the motion looks like one in micrometres; expected scale=1e-6')]
 
 contains
 
-   !> Checks every record that is not a function of time. A response of the opposite sign is negated,
-   !> with a note.
+   !> Checks every record that is not a function of time. A response of the opposite sign is
+   !> negated, with a note.
    !>
    !> experiments  (records)
    !> notes        what has been changed
@@ -171,8 +171,9 @@ contains
          if (distance(-observed%h, model) < least) then
             observed%h = -observed%h
             experiment%measured = observed%values()
-            call add_note(notes, 'record '//to_text(r)//': the response has the opposite sign of '// &
-               'that of the model: it has been negated; check the directions of force and sensor')
+            call add_note(notes, 'record '//to_text(r)//': the response has the opposite sign '// &
+               'of that of the model: it has been negated; check the directions of force and '// &
+               'sensor')
             return
          end if
          call find_cause(observed, model, least, cause)
@@ -183,7 +184,8 @@ contains
       end select
    end subroutine check_response
 
-   !> Computes the response of the model in the experiment of record r, at the values of the scenario.
+   !> Computes the response of the model in the experiment of record r, at the values of the
+   !> scenario.
    !>
    !> model  (lines); not allocated if it cannot be computed
    subroutine response_of_model(problem, r, model)
@@ -244,7 +246,8 @@ contains
          if (distance(other, model) < least) cause = &
             'the magnitudes look like decibels; expected magnitude = 10^(dB/20)'
          other = abs(observed%h)*exp(cmplx(0.0_wp, 360/two_pi*phase, wp))
-         if (distance(other, model) < least) cause = 'the phases look like radians; expected degrees'
+         if (distance(other, model) < least) cause = &
+            'the phases look like radians; expected degrees'
       end if
 
    contains
