@@ -71,8 +71,8 @@ contains
                   unit_of(group, key)//'|allowed   '//allowed_of(group, key)//'|default   '// &
                   default_of(key)//'|example   '//example_of(group, key)//'|see also '))
                call check('help '//group//': '//trim(key%name), index(outcome%out, nl// &
-                  left('  '//trim(key%name), 17)//key%help//nl//repeat(' ', 17)// &
-                  key_line(group, key)//nl//repeat(' ', 17)//example_of(group, key)//nl) > 0)
+                  left('  '//trim(key%name), 21)//key%help//nl//repeat(' ', 21)// &
+                  key_line(group, key)//nl//repeat(' ', 21)//example_of(group, key)//nl) > 0)
                call check('manual: '//group//' '//trim(key%name), index(manual, &
                   '.B '//trim(key%name)//nl//key%help//nl//'.br'//nl//key_line(group, key)//nl// &
                   '.br'//nl//example_of(group, key)//nl) > 0)

@@ -97,8 +97,8 @@ contains
       type(key_t), intent(in) :: key
 
       needs_unit = key%kind == kind_real .and. all(group//' '//trim(key%name) /= &
-         [character(len=18) :: 'along depth', 'excitation power', 'integrator rtol', &
-         'multistart spread', 'design target'])
+         [character(len=22) :: 'along depth', 'excitation power', 'integrator rtol', &
+         'multistart spread', 'design target', 'record coherence_least'])
    end function needs_unit
 
    !> Every parameter that a fit may estimate; those of a dip or of a table need them in the case.

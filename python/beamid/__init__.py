@@ -12,8 +12,9 @@ is. Errors carry the messages of the program. Lengths, masses and times are in a
 Residuals are always record - model.
 """
 from ._cases import Record
-from ._commands import (ComparedModel, Comparison, Design, Ensemble, MemberStatistics, Modes,
-                        NestedPair, Results, Simulation, compare, design, ensemble, modes, simulate)
+from ._commands import (ComparedModel, Comparison, Design, Ensemble, FrequencyResponse,
+                        MemberStatistics, Modes, NestedPair, Results, Simulation, compare, design,
+                        ensemble, frf, modes, simulate)
 from ._fits import Estimate, Fit, Mode, Problem, fit, load
 from ._inference import (Bootstrap, Inference, Interval, Posterior, Profile, Profiles, bootstrap,
                          profile, sample)
@@ -21,9 +22,9 @@ from ._library import BeamidError, ComputationError, InputError, NoFit
 from ._responses import Response, response
 
 __all__ = ["BeamidError", "Bootstrap", "ComparedModel", "Comparison", "ComputationError", "Design",
-           "Ensemble", "Estimate", "Fit", "Inference", "InputError", "Interval",
-           "MemberStatistics", "Mode", "Modes", "NestedPair", "NoFit", "Posterior", "Problem",
-           "Profile", "Profiles", "Record", "Response", "Results", "Simulation", "bootstrap",
-           "compare", "design", "ensemble", "fit", "load", "modes", "profile", "response", "sample",
-           "simulate"]
+           "Ensemble", "Estimate", "Fit", "FrequencyResponse", "Inference", "InputError",
+           "Interval", "MemberStatistics", "Mode", "Modes", "NestedPair", "NoFit", "Posterior",
+           "Problem", "Profile", "Profiles", "Record", "Response", "Results", "Simulation",
+           "bootstrap", "compare", "design", "ensemble", "fit", "frf", "load", "modes", "profile",
+           "response", "sample", "simulate"]
 __version__ = "0.2.0"

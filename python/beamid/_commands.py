@@ -1,4 +1,4 @@
-"""The commands simulate, modes, design, compare and ensemble."""
+"""The commands simulate, modes, frf, design, compare and ensemble."""
 from __future__ import annotations
 
 import csv
@@ -89,6 +89,50 @@ class Simulation(Results):
     """Velocity at the sensor, shape (m,) [length/time]."""
     force: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     """Force of the excitation, shape (m,) [force]."""
+
+
+@dataclass
+class FrequencyResponse(Results):
+    """The frequency response function of a structure, on the finest mesh."""
+
+    _table: ClassVar[str] = "frf"
+    frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
+    """Frequencies, shape (n,) [1/time]."""
+    h: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Response per unit force with the convention e^(+iωt), complex, shape (n,): acceleration,
+    velocity or displacement per force, by `quantity` of the record."""
+    band: np.ndarray | None = field(default=None, repr=False)
+    """Ends of the 95 % interval of the magnitude, shape (n, 2); NaN where an estimate is not
+    determined. None if the case describes no fit."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw magnitude and phase.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib axes, optional
+            Where to draw. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of two Axes
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        if axes is None:
+            from matplotlib import pyplot
+            axes = pyplot.subplots(2, 1, sharex=True)[1]
+        axes[0].semilogy(self.frequencies, np.abs(self.h))
+        if self.band is not None:
+            axes[0].fill_between(self.frequencies, self.band[:, 0], self.band[:, 1], alpha=0.3)
+        axes[0].set_ylabel("magnitude")
+        axes[1].plot(self.frequencies, np.degrees(np.angle(self.h)))
+        axes[1].set_ylabel("phase [°]")
+        axes[1].set_xlabel("frequency")
+        return axes
 
 
 @dataclass
@@ -377,6 +421,51 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
         found.x = columns["x"]
         found.shapes = np.array([columns[f"mode_{k}_real"] + 1j*columns[f"mode_{k}_imag"]
                                  for k in range(1, (len(columns) - 1)//2 + 1)])
+    return found
+
+
+def frf(case: Case | None = None, *, record: Groups = None, beam: Group = None,
+        tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
+        support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,
+        along: Groups = None, discretization: Group = None, units: Group = None,
+        progress: Progress | None = None, **other: Any) -> FrequencyResponse:
+    """Compute a frequency response function, as the command `frf` does.
+
+    If the case describes a fit, the response is that of the fitted structure, with the 95 % band
+    of its magnitude.
+
+    The other arguments are those of `Problem`, which describes them with their units: `beam`,
+    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`;
+    `discretization`; `units`; and any other group, `other`.
+
+    Parameters
+    ----------
+    case : str, os.PathLike or Problem, optional
+        A case, as the only argument.
+    record : dict or list of dict, optional
+        Group `record` with `kind='frf'`: `f_first`, `f_last`, `f_step` [1/time], `quantity`
+        ('accelerance', 'mobility' or 'receptance'), `x_F`, the position of the force [length],
+        and `sensor`.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    FrequencyResponse
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another.
+    ComputationError
+        If the response cannot be computed.
+    """
+    found = FrequencyResponse(**_results("frf", [_case_of("case", locals())], progress))
+    columns = found._finest("frf.csv")
+    found.frequencies = columns["frequency_hz"]
+    found.h = columns["real"] + 1j*columns["imag"]
+    if "magnitude_lower95" in columns:
+        found.band = np.column_stack([columns["magnitude_lower95"], columns["magnitude_upper95"]])
     return found
 
 

@@ -16,7 +16,7 @@ module beamid_key_help
    public :: add_help_on, add_group_list, add_see_also, key_line, known_words, meaning_of, symbol_of
 
    !> Column of the explanations of keys, and that of their properties.
-   integer, parameter :: key_column = 17, fact_column = 14
+   integer, parameter :: key_column = 21, fact_column = 14
 
 contains
 
