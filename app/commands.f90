@@ -1,7 +1,7 @@
-!> The commands for one case: `identify`, `profile`, `sample`, `bootstrap`, `simulate`, `modes`, `frf` and
-!> `design`; and what all commands share: the settings from the command line and the delivery of
-!> outputs. Each command has one routine, which reads the case, calls the library and collects the
-!> outputs.
+!> The commands for one case: `identify`, `profile`, `sample`, `bootstrap`, `simulate`, `modes`,
+!> `frf` and `design`; and what all commands share: the settings from the command line and the
+!> delivery of outputs. Each command has one routine, which reads the case, calls the library and
+!> collects the outputs.
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid

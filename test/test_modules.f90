@@ -19,8 +19,8 @@ program test_modules
          'identification', &
       'inference: support model discretization fit problem starts identification', &
       'case: support model discretization dynamics fit record problem identification inference', &
-      'workflows: support model discretization dynamics fit record problem identification '// &
-         'judgement inference case', &
+      'workflows: support model discretization dynamics fit record problem starts '// &
+         'identification judgement inference case', &
       'report: support model discretization dynamics fit problem identification judgement '// &
          'inference case workflows', &
       'paper: support model discretization dynamics problem identification']

@@ -14,6 +14,8 @@ program test_statistics
    implicit none
 
    call test_by_hand()
+   call test_known_noise()
+   call test_order()
    call test_oscillator()
    call test_nist()
    call test_singular()
@@ -24,11 +26,84 @@ program test_statistics
 
 contains
 
+   !> Rows in units of a known noise. J'J = ((2,1), (1,2)) with the inverse ((2,-1), (-1,2))/3: the
+   !> standard errors are sqrt(2/3) and the quantile is that of the normal distribution, whatever
+   !> the residuals are, unless their sum of squares is improbable. That of one degree of freedom
+   !> exceeds 6.634896601 with a probability of 1 %. No degree of freedom has to be left.
+   subroutine test_known_noise()
+      real(wp), parameter :: jacobian(3, 2) = reshape([1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
+         1.0_wp], [3, 2]), estimate(2) = [20.0_wp, 15.0_wp], scale(2) = [1.0_wp, 1.0_wp], &
+         normal = 1.9599639845400545_wp, limit = 6.6348966010212145_wp, &
+         sizes(4) = [0.0_wp, 1e-3_wp, 0.99_wp*limit, 1.01_wp*limit]
+      !> Some units of round-off; the quantile of the normal distribution has 13 digits.
+      real(wp), parameter :: round_off = 1e-12_wp
+      type(statistics_t) :: s
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: name
+      real(wp) :: variance
+      integer :: k
+
+      do k = 1, size(sizes)
+         name = 'known noise, J = '//to_text(sizes(k))//', '
+         ! Orthogonal to both columns, of the given sum of squares.
+         call new_statistics(jacobian, sqrt(sizes(k)/3)*[1.0_wp, -1.0_wp, 1.0_wp], estimate, &
+            scale, s, error, is_known=.true.)
+         call check(name//'done', .not. allocated(error))
+         if (allocated(error)) return
+         variance = merge(1.0_wp, sizes(k), sizes(k) < limit)
+         call check(name//'flags', s%noise_is_known .and. (s%is_exceeded .eqv. sizes(k) > limit))
+         call check_close(name//'variance', s%variance, variance, round_off)
+         call check_close(name//'standard error', s%std_error(1), sqrt(2*variance/3), round_off)
+         ! One degree of freedom: 12.7062047361747, as in `test_by_hand`.
+         call check_close(name//'half width', s%half_width(1), merge(normal, 12.7062047361747_wp, &
+            sizes(k) < limit)*sqrt(2*variance/3), 1e-11_wp)
+      end do
+      call new_statistics(jacobian(:2, :), [0.0_wp, 0.0_wp], estimate, scale, s, error, &
+         is_known=.true.)
+      call check('known noise, as many rows as parameters', .not. allocated(error))
+      if (allocated(error)) return
+      ! The inverse of J'J = ((2,1), (1,1)) is ((1,-1), (-1,2)).
+      call check_close('  standard error 1', s%std_error(1), 1.0_wp, round_off)
+      call check_close('  standard error 2', s%std_error(2), sqrt(2.0_wp), round_off)
+      call check_close('  half width', s%half_width(1), normal, round_off)
+      call new_statistics(jacobian(:2, :), [0.0_wp, 0.0_wp], estimate, scale, s, error)
+      call check('unknown noise, as many rows as parameters: refused', allocated(error))
+      call new_statistics(jacobian(:1, :), [0.0_wp], estimate, scale, s, error, is_known=.true.)
+      call check('known noise, fewer rows than parameters: refused', allocated(error))
+   end subroutine test_known_noise
+
+   !> Residuals in equal pairs: the variance of their mean is twice that of independent ones, which
+   !> counts only if the rows have an order.
+   subroutine test_order()
+      integer, parameter :: m = 400
+      real(wp) :: jacobian(m, 1), residual(m)
+      type(statistics_t) :: s
+      type(error_t), allocatable :: error
+      integer :: k
+
+      jacobian = 1
+      residual(:m/2) = gaussian_noise(m/2, 1.0_wp, 3)
+      residual = [(residual((k + 1)/2), k=1, m)]
+      residual = residual - sum(residual)/m
+      call new_statistics(jacobian, residual, [9.0_wp], [1.0_wp], s, error)
+      ! The taper of 20 lags and the chance correlations of 200 values allow some ten per cent.
+      call check('rows in order: correlated', s%corrected_error(1) > 1.2_wp*s%std_error(1))
+      call new_statistics(jacobian, residual, [9.0_wp], [1.0_wp], s, error, &
+         ordered=spread(.false., 1, m))
+      call check_close('rows without order: no correction', s%corrected_error(1)/s%std_error(1), &
+         1.0_wp, 0.0_wp)
+      ! Of each two pairs, one value counts.
+      call new_statistics(jacobian, residual, [9.0_wp], [1.0_wp], s, error, &
+         ordered=[(modulo(k, 4) == 1, k=1, m)])
+      call check('rows apart: hardly correlated', s%corrected_error(1) < 1.4_wp*s%std_error(1))
+   end subroutine test_order
+
    !> J = ((1,0), (1,1), (0,1)), J'J = ((2,1), (1,2)), inverse ((2,-1), (-1,2))/3; residuals
    !> (1,1,-1): variance 3/(3 - 2). Covariance and correlation know nothing of the scale.
    subroutine test_by_hand()
       real(wp), parameter :: jacobian(3, 2) = reshape([1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
-         1.0_wp], [3, 2]), residual(3) = [1.0_wp, 1.0_wp, -1.0_wp], estimate(2) = [20.0_wp, 15.0_wp]
+         1.0_wp], [3, 2]), residual(3) = [1.0_wp, 1.0_wp, -1.0_wp], estimate(2) = [20.0_wp, &
+         15.0_wp]
       real(wp), parameter :: scales(2, 2) = reshape([1.0_wp, 1.0_wp, 2e5_wp, 7e-3_wp], [2, 2])
       !> A condition of some 1e8 is scaled away: a few eps.
       real(wp), parameter :: round_off = 1e-13_wp
@@ -51,7 +126,8 @@ contains
          call check_close(name//'correlation 12', s%correlation(1, 2), -0.5_wp, round_off)
          call check_close(name//'correlation 22', s%correlation(2, 2), 1.0_wp, round_off)
          ! One degree of freedom: 12.7062047361747; 12.7*sqrt(2) = 17.97 lies between 15 and 20.
-         call check_close(name//'half width 2', s%half_width(2), 12.7062047361747_wp*sqrt(2.0_wp), &
+         call check_close(name//'half width 2', s%half_width(2), &
+            12.7062047361747_wp*sqrt(2.0_wp), &
             1e-11_wp)
          call check(name//'20 is determined, 15 is not', s%determined(1) .and. &
             .not. s%determined(2))
@@ -264,7 +340,8 @@ contains
          [1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], s, error)
       call check('two samples, two parameters: refused', allocated(error))
       if (allocated(error)) call check('two samples, two parameters: in words', &
-         index(error%message, '2 ') > 0 .and. index(error%message, 'parameters') > 0, error%message)
+         index(error%message, '2 ') > 0 .and. index(error%message, 'parameters') > 0, &
+         error%message)
    end subroutine test_refused
 
    !> J = 2, m = 20, 3 parameters, so that k = 4: 20 ln .1 = -46.05170185988091;
@@ -301,7 +378,8 @@ contains
       end do
       ! U = 50*.1 = 5: erfc(sqrt(5/2)).
       call nested_test(1.1_wp, 1.0_wp, 50, 1, U, probability)
-      call check_close('nested, J 1.1 and 1, 50 samples', probability, erfc(sqrt(2.5_wp)), 1e-14_wp)
+      call check_close('nested, J 1.1 and 1, 50 samples', probability, erfc(sqrt(2.5_wp)), &
+         1e-14_wp)
       ! A search that ended above its own special case: not a probability beyond 1.
       call nested_test(0.9_wp, 1.0_wp, 50, 1, U, probability)
       call check_close('nested, the full model worse', probability, 1.0_wp, 0.0_wp)

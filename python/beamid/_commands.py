@@ -92,6 +92,42 @@ class Simulation(Results):
 
 
 @dataclass
+class FrequencyResponse(Results):
+    """The frequency response function of a structure, on the finest mesh."""
+
+    _table: ClassVar[str] = "frf"
+    frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
+    """Frequencies, shape (n,) [1/time]."""
+    h: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Response per unit force with the convention e^(+iωt), complex, shape (n,): acceleration,
+    velocity or displacement per force, by `quantity` of the record."""
+    band: np.ndarray | None = field(default=None, repr=False)
+    """Ends of the 95 % interval of the magnitude, shape (n, 2); NaN where an estimate is not
+    determined. None if the case describes no fit."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw magnitude and phase, with the 95 % band if the structure is fitted.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib axes, optional
+            Where to draw. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of two Axes
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        lower, upper = (None, None) if self.band is None else self.band.T
+        return _plots.response(self.frequencies, self.h, lower, upper, axes,
+                               "FrequencyResponse.plot")
+
+
+@dataclass
 class Modes(Results):
     """Natural modes of a structure, on the finest mesh."""
 
@@ -130,42 +166,6 @@ class Modes(Results):
             self.s, self.frequencies, self.damping_ratios) if s.imag > 0]
         return _plots.shapes(self.tables.get("shapes.csv", ""),
                              self.tables.get("attachments.csv", ""), "", modes, axes)
-
-
-@dataclass
-class FrequencyResponse(Results):
-    """Frequency response function of a structure, on the finest mesh."""
-
-    _table: ClassVar[str] = "frf"
-    frequency: np.ndarray = field(default_factory=lambda: np.empty(0))
-    """Frequencies, shape (n,) [1/time]."""
-    h: np.ndarray = field(default_factory=lambda: np.empty(0, complex), repr=False)
-    """Response per unit force, complex, shape (n,), with the convention e^(+i omega t)."""
-    lower: np.ndarray | None = field(default=None, repr=False)
-    """Lower end of the 95 % interval of the magnitude, shape (n,), if the structure is fitted; nan:
-    the records do not determine a parameter."""
-    upper: np.ndarray | None = field(default=None, repr=False)
-    """Upper end of this interval, shape (n,)."""
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw magnitude and phase, with the 95 % band if the structure is fitted.
-
-        Parameters
-        ----------
-        axes : sequence of two matplotlib axes, optional
-            Where to draw. Default: a new figure.
-
-        Returns
-        -------
-        numpy.ndarray of Axes of shape (2,)
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
-        """
-        return _plots.response(self.frequency, self.h, self.lower, self.upper, axes,
-                               "FrequencyResponse.plot")
 
 
 @dataclass
@@ -463,8 +463,9 @@ def frf(case: Case | None = None, *, record: Groups = None,
         arguments["record"] = dict(record, kind="frf")
     found = FrequencyResponse(**_results("frf", [_case_of("case", arguments)], progress))
     columns = found._finest("frf.csv")
-    found.frequency, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]
-    found.lower, found.upper = (columns.get(f"magnitude_{end}95") for end in ("lower", "upper"))
+    found.frequencies, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]
+    if "magnitude_lower95" in columns:
+        found.band = np.column_stack([columns["magnitude_lower95"], columns["magnitude_upper95"]])
     return found
 
 

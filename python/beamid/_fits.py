@@ -73,7 +73,7 @@ class FittedResponse(NamedTuple):
 
     record: int
     """Number of the record."""
-    frequency: np.ndarray
+    frequencies: np.ndarray
     """Frequencies of the lines that were used, shape (n,) [1/time]."""
     measured: np.ndarray
     """Measured response per unit force, complex, shape (n,)."""
@@ -81,10 +81,9 @@ class FittedResponse(NamedTuple):
     """Response of the fitted structure, complex, shape (n,)."""
     residual: np.ndarray
     """Measured - model, complex, shape (n,)."""
-    lower: np.ndarray
-    """Lower end of the 95 % interval of the magnitude of the model, shape (n,)."""
-    upper: np.ndarray
-    """Upper end of the 95 % interval of the magnitude of the model, shape (n,)."""
+    band: np.ndarray
+    """Ends of the 95 % interval of the magnitude of the model, shape (n, 2); nan: a parameter is
+    not determined."""
     sd: np.ndarray
     """Standard deviation of real and imaginary part, shape (n,); nan: estimated by the fit."""
     coherence: np.ndarray
@@ -297,11 +296,13 @@ class Fit:
         found = []
         for record in np.unique(columns["record"]):
             of = {name: values[columns["record"] == record] for name, values in columns.items()}
+            unknown = np.full(of["real"].size, np.nan)
             found.append(FittedResponse(
                 int(record), of["frequency_hz"],
                 *(of[stem + "real"] + 1j*of[stem + "imag"]
                   for stem in ("measured_", "", "residual_")),
-                of["magnitude_lower95"], of["magnitude_upper95"], of["sd"], of["coherence"]))
+                np.column_stack([of["magnitude_lower95"], of["magnitude_upper95"]]), of.get("sd", unknown),
+                of.get("coherence", unknown)))
         return found
 
     @property
@@ -408,7 +409,7 @@ class Fit:
         for found in self.frequency_responses:
             if found.record == record:
                 return _plots.response(
-                    found.frequency, found.model, found.lower, found.upper, axes, "Fit.plot",
+                    found.frequencies, found.model, *found.band.T, axes, "Fit.plot",
                     found.measured)
         return _plots.fit(self._text("fit.csv"), self._text("labels.csv"), record, axes)
 

@@ -7,11 +7,11 @@ module full_benches
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_structure, only: of_x_F, structure_t, x_H_at, x_M_at, x_P_at, x_S_at
    use dense_matrices, only: dense_of
-   use full_matrices, only: exponential, qp, solve_real, square
+   use full_matrices, only: exponential, qp, solve, solve_real, square
    implicit none
    private
 
-   public :: bench_motion
+   public :: bench_motion, bench_transfer
 
 contains
 
@@ -61,6 +61,40 @@ contains
             dot_product(o, matmul(a(n + 1:2*n, :), x)), dot_product(tilt, x(:n))]
       end do
    end subroutine bench_motion
+
+   !> Displacement of the sensor per unit force, and its reading of gravity, at places in the
+   !> complex plane: (s**2 M + s C + K) q = F by elimination, with the forces of rigid supports.
+   !>
+   !> structure, near  as in `bench_motion`
+   !> s                (points) [1/time]
+   !> h                (points, 2) displacement and reading
+   subroutine bench_transfer(galerkin, structure, near, s, h)
+      type(galerkin_t), intent(in) :: galerkin
+      type(structure_t), intent(in) :: structure, near
+      complex(wp), intent(in) :: s(:)
+      complex(qp), intent(out) :: h(:, :)
+      real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), held(:, :), tilt(:), &
+         rides(:)
+      complex(qp), allocatable :: full(:, :), x(:)
+      complex(qp) :: z
+      integer :: i, n
+
+      n = galerkin%space%n + count(structure%has_hose())
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3))
+      call assemble(galerkin, structure, near, .false., M, C, K, loads, o, tilt, held, rides)
+      allocate (full(n + size(held, 2), n + size(held, 2)), x(n + size(held, 2)))
+      do i = 1, size(s)
+         z = cmplx(s(i), kind=qp)
+         full = 0
+         full(:n, :n) = (z*M + C)*z + K
+         full(:n, n + 1:) = held
+         full(n + 1:, :n) = transpose(held)
+         x = 0
+         x(:n) = loads(:, 1)
+         call solve(full, x)
+         h(i, :) = [sum(o*x(:n)), sum(tilt*x(:n))]
+      end do
+   end subroutine bench_transfer
 
    !> M**-1 force, where what is held has an acceleration that is known.
    function accelerations(M, held, force, known) result(a)

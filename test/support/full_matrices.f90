@@ -14,7 +14,7 @@ module full_matrices
    implicit none
    private
 
-   public :: full_t, new_full, qp, exponential, solve_real, square
+   public :: full_t, new_full, qp, exponential, solve, solve_real, square
 
    integer, parameter :: qp = real128
 

@@ -1,5 +1,5 @@
-!> The commands simulate, modes, design, compare and ensemble for C. Their results are a summary and
-!> the tables that the program would write.
+!> The commands simulate, modes, frf, design, compare and ensemble for C. Their results are a
+!> summary and the tables that the program would write.
 !>
 !> The computations run outside the critical section of texts, because their progress calls back.
 module beamid_c_runs
@@ -38,7 +38,7 @@ contains
 
    !> Runs a command on an open case, or `compare` on several.
    !>
-   !> command  simulate, modes, design, compare or ensemble
+   !> command  simulate, modes, frf, design, compare or ensemble
    !> cases    number of cases
    !> of       (cases) their handles
    !> labels   for `compare`: names of the models in the tables, one in each line; '': the names of
@@ -77,8 +77,8 @@ contains
          case ('ensemble'); call run_ensemble(outcome, error, progress)
          case ('compare'); call run_compare(of, characters(labels), outcome, error, progress)
          case default
-            call bad_input(error, 'found another command, expected simulate, modes, design, '// &
-               'compare or ensemble')
+            call bad_input(error, 'found another command, expected simulate, modes, frf, '// &
+               'design, compare or ensemble')
          end select
          call end_progress(progress)
          call check_interrupt(error)

@@ -75,8 +75,9 @@ contains
          ', the number of modes of the mesh', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
-         any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
-         'the group beside several records, kind=''free'' or a free offset', &
+         any(case%stages%offset) .or. case%recordings(1)%kind /= 'time') &
+         call refuse(case%path, case%score_line, 'score', 'the group beside several records, '// &
+         'kind=''free'', a free offset or a record that is no function of time', &
          'one record with a known excitation', error)
    end subroutine check_needs
 
@@ -118,6 +119,9 @@ contains
 
       if (size(case%recordings) > 1) call refuse(case%path, case%recordings(2)%line, 'record', &
          'a second one', 'one for a response', error)
+      if (case%recordings(1)%kind /= 'time') call refuse(case%path, case%recordings(1)%line, &
+         'record kind', ''''//trim(case%recordings(1)%kind)//'''', '''time'' for a response in '// &
+         'time; the command frf computes frequency responses', error)
       if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
          'a known excitation, which a response needs', error)
       if (.not. has_grid(case%recordings(1)%window)) call refuse(case%path, &
@@ -143,6 +147,8 @@ contains
          '''free''', 'a force, a release or a base that is known', error)
       do k = 1, size(case%recordings)
          associate (recording => case%recordings(k))
+            if (recording%kind /= 'time') call refuse(case%path, recording%line, 'record kind', &
+               ''''//trim(recording%kind)//'''', '''time'': a design plans records of time', error)
             if (.not. (allocated(recording%path) .or. has_grid(recording%window))) call refuse( &
                case%path, recording%line, 'record', 'neither a file nor a grid of sample times', &
                't_first, t_last and t_step', error)

@@ -30,14 +30,13 @@ module beamid_key_examples
       names_without_fields = 'names without fields', names_for_prior = 'names for a prior'
 
    ! Keys that a valid group needs beside the key that the example shows.
-   character(len=*), parameter :: response = 'kind=''frf'', file=''frf.csv''', &
-      spectrum = 'kind=''frf'', f_first=5, f_last=800, f_step=0.5'
    character(len=*), parameter :: beam = 'length=0.5, E=7e10, rho=0.27, I=3.3e-11', &
       section = 'length=0.5, E=7e10, width=0.05, height=0.002, density=2700', &
       pulse = 'kind=''pulse'', amplitude=1, duration=0.01', &
       force = 'kind=''table'', file=''force.csv''', &
       release = 'kind=''release'', displacement=0.02', &
       property = 'parameter=''E'', x=0,0.5, value=7e10,6e10', &
+      response = 'kind=''frf'', file=''frf.csv''', &
       dip = 'kind=''dip'', place=0.2, width=0.05, depth=0.3', &
       cvode = 'method=''cvode''', &
       difference = 'formula=''displacement_difference'', delta=0.001', &
@@ -148,17 +147,17 @@ module beamid_key_examples
       key_example_t('record', 'x_P', 'x_P=0.3', 'length'), &
       key_example_t('record', 'sensor', 'sensor=''tip''', allowed='name of a &sensor'), &
       key_example_t('record', 'experiment', 'sensor=''tip'', experiment=1'), &
-      key_example_t('record', 'kind', response), &
+      key_example_t('record', 'kind', 'kind=''frf'', file=''frf.csv'', averages=5'), &
       key_example_t('record', 'quantity', response//', quantity=''mobility'''), &
-      key_example_t('record', 'f_first', spectrum, '1/time'), &
-      key_example_t('record', 'f_last', spectrum, '1/time'), &
-      key_example_t('record', 'f_step', spectrum, '1/time'), &
-      key_example_t('record', 'coherence_least', response//', averages=5, coherence_least=0.8'), &
+      key_example_t('record', 'f_first', response//', f_first=5', '1/time'), &
+      key_example_t('record', 'f_last', response//', f_last=400', '1/time'), &
+      key_example_t('record', 'f_step', &
+         'kind=''frf'', f_first=1, f_last=400, f_step=0.5', '1/time'), &
+      key_example_t('record', 'coherence_least', response//', coherence_least=0.5'), &
       key_example_t('record', 'averages', response//', averages=5'), &
-      key_example_t('record', 'exponential_window', response//', exponential_window=2.3', &
-         '1/time'), &
-      key_example_t('record', 'window', response//', averages=40, window=''hann'''), &
-      key_example_t('record', 'x_F', response//', x_F=0.1', 'length'), &
+      key_example_t('record', 'exponential_window', response//', exponential_window=2', '1/time'), &
+      key_example_t('record', 'window', response//', window=''hann'''), &
+      key_example_t('record', 'x_F', response//', x_F=0.3', 'length'), &
       key_example_t('score', 't_first', 't_first=1', 'time'), &
       key_example_t('score', 't_last', 't_last=2', 'time'), &
       key_example_t('score', 't_step', 't_step=0.01', 'time')]

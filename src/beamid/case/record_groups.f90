@@ -32,7 +32,7 @@ contains
          default='required, except by simulate')
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'factor that converts the record into an '// &
-         'acceleration: acceleration = scale (value - offset); factor of a frequency response')
+         'acceleration: acceleration = scale (value - offset); or factor of a frequency response')
       call block%get('offset', found%offset, 'offset of the sensor: value of the '// &
          'record at zero acceleration')
       call get_columns(block, 'measured values', found%time_column, found%value_column, found%rate)
@@ -88,14 +88,15 @@ contains
       call block%get('f_last', lines%last, 'end of the record; required without file', &
          'highest frequency that is used', positive)
       call block%get('f_step', lines%step, 'none; required without file', &
-         'spacing of the frequencies of a response that is computed by frf', positive)
+         'distance of the frequencies at which the command frf computes the response', positive)
       call block%get('coherence_least', lines%least_coherence, 'least coherence; lines with a '// &
          'lower coherence are left out', range_t(0, 1))
       call block%get('averages', lines%averages, 'number of averaged blocks; with the '// &
          'coherence, it determines the noise of each line', range_t(2, 1000000), &
          default='none; required with a coherence and without sd')
       call block%get('exponential_window', lines%rate, 'decay rate of the exponential '// &
-         'window of force and response; it is added to the decay rate of each mode of the model', range_t(0))
+         'window of force and response; it is added to the decay rate of each mode of the model', &
+         range_t(0))
       call block%get('window', window, 'window of the blocks: ''boxcar'' (none) or ''hann''', &
          [character(len=6) :: 'boxcar', 'hann'])
       lines%is_hann = window == 'hann'
@@ -113,8 +114,9 @@ contains
       !> Keys that belong to certain kinds only, and these kinds.
       character(len=*), parameter :: keys(24) = [character(len=18) :: 't_first', 't_last', &
          't_step', 'scale', 'offset', 'time_column', 'value_column', 'rate', 'clip_low', &
-         'clip_high', 'thin', 'sd', 'x_S', 'sensor', 'experiment', 'quantity', 'f_first', 'f_last', &
-         'f_step', 'coherence_least', 'averages', 'exponential_window', 'window', 'x_F'], &
+         'clip_high', 'thin', 'sd', 'x_S', 'sensor', 'experiment', 'quantity', 'f_first', &
+         'f_last', 'f_step', 'coherence_least', 'averages', 'exponential_window', 'window', &
+         'x_F'], &
          kinds(24) = [character(len=8) :: 'time', 'time', 'time', 'time frf', 'time', 'time', &
          'time', 'time', 'time', 'time', 'time', 'time frf', 'time frf', 'time frf', 'time', &
          'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf']

@@ -21,8 +21,8 @@ module beamid_modal
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load
    use beamid_synthesis, only: synthesize
-   use beamid_terms, only: tilting
-   use beamid_transfer, only: transfer_along
+   use beamid_terms, only: bending, of_stiffness, tilting
+   use beamid_transfer_lines, only: transfer_along
    implicit none
    private
 
@@ -254,7 +254,7 @@ contains
    end function has_poles_of
 
    !> Computes the transfer function; arguments as in `beamid_responses`. It needs no roots, and
-   !> holds for every structure and point.
+   !> holds for every structure with bending stiffness and every point.
    subroutine transfer(self, equations, s, tilts, parameters, h, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -271,6 +271,10 @@ contains
       call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
          error)
       if (allocated(error)) return
+      if (.not. assembly%strength(bending, of_stiffness) > tiny(1.0_wp)) then
+         call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
+         return
+      end if
       call transfer_along(assembly, s, h)
       if (tilts .and. assembly%tilt_row > 0) then
          allocate (slope, mold=h)

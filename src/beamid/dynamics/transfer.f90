@@ -13,14 +13,13 @@
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_matrices, only: identity
+   use beamid_matrices, only: eliminate, identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, nearest_pole, root_t, solve_coupled, &
-      vector_t
+   use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: transfer_t, transfer_at, transfer_along
+   public :: differentiate_motion, transfer_t, transfer_at
 
    !> The transfer function at one point, and its derivatives.
    type :: transfer_t
@@ -70,27 +69,6 @@ contains
       if (with_slopes) call differentiate(assembly, point%s, inverse, value)
    end subroutine transfer_at
 
-   !> Computes the motion of the sensor per unit force and its derivatives at several points.
-   !>
-   !> s  (points) places in the complex plane [1/time]
-   !> h  (points, 0:parameters of the assembly) column 0 is h, column p its derivative
-   subroutine transfer_along(assembly, s, h)
-      type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s(:)
-      complex(wp), intent(out) :: h(:, 0:)
-      type(transfer_t) :: value
-      type(root_t) :: point
-      integer :: k
-
-      do k = 1, size(s)
-         point = root_t(s=s(k))
-         call nearest_pole(assembly, point)
-         call transfer_at(assembly, point, ubound(h, 2) > 0, value)
-         h(k, 0) = value%h
-         if (ubound(h, 2) > 0) h(k, 1:) = value%dh
-      end do
-   end subroutine transfer_along
-
    !> Computes the motion, W'/W and Q**-1 of an assembly without dense matrices.
    !>
    !> with_slopes  whether all components of `inverse` are set
@@ -103,9 +81,10 @@ contains
       type(inverse_t), intent(inout) :: inverse
       type(root_t) :: place
       type(vector_t) :: vector
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, HE
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: coupled, E, HE
       complex(wp) :: load(assembly%n), none(size(assembly%v, 1)), w
       integer :: i, r
+      logical :: regular
 
       r = size(assembly%v, 1)
       place = point
@@ -114,9 +93,9 @@ contains
       call find_vector(assembly, place, vector)
       w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f)
       E = identity(r)
-      do i = 1, r
-         call solve_coupled(vector, E(:, i))
-      end do
+      coupled = vector%coupled
+      call eliminate(r, r, coupled, E, regular)
+      if (.not. regular) E = 0
       load = assembly%load_at(place%s, vector%form)
       call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
          value%q, value%u)
@@ -176,9 +155,8 @@ contains
       inverse%dense = full(:assembly%beam, :assembly%beam)
    end subroutine invert_dense
 
-   !> Computes the derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F of h and
-   !> tr(Q**-1 Q_p) of log W, with the contributions of positions and loads that depend on a
-   !> parameter.
+   !> Computes the derivatives with respect to the parameters: those of h, and tr(Q**-1 Q_p) of
+   !> log W with the contributions of positions.
    !>
    !> s      the point [1/time]
    !> value  in: q, u and form; out: dh and dlog_p, too
@@ -188,39 +166,62 @@ contains
       type(inverse_t), intent(in) :: inverse
       type(transfer_t), intent(inout) :: value
       complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
-      complex(wp) :: row_change(size(inverse%u)), o_E_q(2)
-      complex(wp), dimension(size(assembly%changing)) :: products, traces
-      real(wp) :: load_rows(size(inverse%u))
+      complex(wp), dimension(size(assembly%changing)) :: traces
       integer :: p
 
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
       call assembly%couplings(value%form, s, H, dH)
-      call assembly%load_rows(value%form, load_rows)
-      associate (u => value%u, o => inverse%o, u_o => inverse%u, &
-         v_x => assembly%v_slope, form => value%form)
-         call assembly%products(form, value%q, u, o, u_o, products)
-         call assembly%traces(form, inverse%diagonal, inverse%T, traces)
-         do p = 1, size(assembly%parameters)
-            associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
-               o_E_q = assembly%dense_products(value%q, o, p)
-               value%dh(p) = -assembly%system_derivative(products, s, p) - o_E_q(1)*s - o_E_q(2) &
-                  + sum(A_p*u_o*matmul(H, u)) + assembly%load_change(form, o, u_o, s, p)
-               value%dlog_p(p) = assembly%system_derivative(traces, s, p) &
-                  + sum(A_p*inverse%by_compliance)
-               if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
-                  + sum(transpose(inverse%dense)*(assembly%dense_slope(:, :, 1, p)*s &
-                  + assembly%dense_slope(:, :, 2, p)))
-               if (.not. any(abs(moves) > 0)) cycle
-               row_change = moves*matmul(v_x, value%q)
-               value%dh(p) = value%dh(p) + row_change(assembly%sensor) &
-                  - sum(u_o*matmul(H, row_change)) &
-                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - load_rows))
-               value%dlog_p(p) = value%dlog_p(p) + sum(moves*inverse%by_position)
-            end associate
-         end do
-      end associate
+      call differentiate_motion(assembly, s, value%form, H, value%q, value%u, inverse%o, &
+         inverse%u, value%dh)
+      call assembly%traces(value%form, inverse%diagonal, inverse%T, traces)
+      do p = 1, size(assembly%parameters)
+         value%dlog_p(p) = assembly%system_derivative(traces, s, p) &
+            + sum(assembly%compliance_slope(:, p)*inverse%by_compliance) &
+            + sum(assembly%moves(:, p)*inverse%by_position)
+         if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
+            + sum(transpose(inverse%dense)*(assembly%dense_slope(:, :, 1, p)*s &
+            + assembly%dense_slope(:, :, 2, p)))
+      end do
    end subroutine differentiate
+
+   !> Computes the derivatives of h = o'Q**-1 F, -o'Q**-1 Q_p Q**-1 F, with the contributions of
+   !> positions and of loads that depend on a parameter.
+   !>
+   !> s       the point [1/time]
+   !> form    in which the motions are given, from `form_at`
+   !> H       (r, r) couplings at s
+   !> q, u    (n), (r) Q**-1 F, and its motion of the rows
+   !> o, u_o  (n), (r) Q**-1 o, and its motion of the rows
+   !> dh      (parameters)
+   subroutine differentiate_motion(assembly, s, form, H, q, u, o, u_o, dh)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s, H(:, :), q(:), u(:), o(:), u_o(:)
+      integer, intent(in) :: form
+      complex(wp), intent(out) :: dh(:)
+      complex(wp) :: products(size(assembly%changing)), row_change(size(u)), o_E_q(2)
+      real(wp) :: load_rows(size(u))
+      integer :: p
+
+      call assembly%load_rows(form, load_rows)
+      call assembly%products(form, q, u, o, u_o, products)
+      do p = 1, size(dh)
+         associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
+            dh(p) = -assembly%system_derivative(products, s, p)
+            if (assembly%is_dense()) then
+               o_E_q = assembly%dense_products(q, o, p)
+               dh(p) = dh(p) - o_E_q(1)*s - o_E_q(2)
+            end if
+            if (any(abs(A_p) > 0)) dh(p) = dh(p) + sum(A_p*u_o*matmul(H, u))
+            if (assembly%load_changes(p)) dh(p) = dh(p) &
+               + assembly%load_change(form, o, u_o, s, p)
+            if (.not. any(abs(moves) > 0)) cycle
+            row_change = moves*matmul(assembly%v_slope, q)
+            dh(p) = dh(p) + row_change(assembly%sensor) - sum(u_o*matmul(H, row_change)) &
+               - sum(moves*matmul(assembly%v_slope, o)*(matmul(H, u) - load_rows))
+         end associate
+      end do
+   end subroutine differentiate_motion
 
    !> Computes the derivatives of log W with respect to the positions of the rows of V,
    !> 2 (dv_i/dx)'Q**-1 times the coupling of row i.

@@ -145,6 +145,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: scales(:)
       integer, allocatable :: rows(:)
+      logical, allocatable :: ordered(:)   ! not allocated: all rows are
       integer :: a, n
 
       do a = 1, fields
@@ -154,8 +155,15 @@ contains
          if (allocated(error)) return
       end do
       found%work = problem%work
-      rows = problem%sequence()
-      found%check = check_residuals(found%fit%residual(rows), found%jacobian(rows, :))
+      associate (m => problem%samples())
+         if (problem%is_all_time()) then
+            found%check = check_residuals(found%fit%residual(:m), found%jacobian(:m, :))
+         else
+            rows = problem%sequence()
+            found%check = check_residuals(found%fit%residual(rows), found%jacobian(rows, :))
+            ordered = problem%are_ordered()
+         end if
+      end associate
       ! Linear unknowns count as parameters. Their scale replaces their value, because nobody asks
       ! whether an offset of 0 is determined.
       n = size(found%free)
@@ -166,7 +174,7 @@ contains
             call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
-            problem%first_rows(), q%record == 0, problem%are_ordered(), problem%knows_noise())
+            problem%first_rows(), q%record == 0, ordered, problem%knows_noise())
          if (allocated(error)) return
          call judge_dip(found, trials, misfit_of(problem, found%fit))
          call judge_functions(found)

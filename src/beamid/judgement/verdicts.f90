@@ -161,13 +161,15 @@ contains
 
    end subroutine new_verdict
 
-   !> Returns how well a fit explains a record that is not a function of time.
+   !> Returns how well a fit explains a record that is not a function of time. Each root mean square
+   !> is weighted by 1/noise**2, so that lines without information do not count.
    !>
    !> residual  (m) its residuals [unit of the rows]
    function quality_of_lines(experiment, residual) result(quality)
       type(experiment_t), intent(in) :: experiment
       real(wp), intent(in) :: residual(:)
       type(quality_t) :: quality
+      real(wp) :: total_weight
       integer :: m
 
       associate (observed => experiment%observed)
@@ -175,8 +177,10 @@ contains
          m = size(observed%plain(experiment%measured))
          quality%samples = m
          if (observed%noun() == 'lines') quality%samples = m/2
-         quality%rms_signal = norm2(observed%plain(experiment%measured))/sqrt(real(m, wp))
-         quality%rms_residual = norm2(observed%plain(residual))/sqrt(real(m, wp))
+         ! The rows are divided by their noise, which is 1 row in plain units.
+         total_weight = norm2(1/observed%plain(spread(1.0_wp, 1, size(residual))))
+         quality%rms_signal = norm2(experiment%measured(:m))/total_weight
+         quality%rms_residual = norm2(residual(:m))/total_weight
          quality%effective = m
          if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
             /quality%rms_signal)

@@ -41,6 +41,7 @@ module beamid_experiments
       class(observed_data_t), allocatable :: observed
    contains
       procedure :: structure_of
+      procedure :: has_known_noise
    end type experiment_t
 
    !> The data of an experiment, and the model that predicts them.
@@ -64,6 +65,14 @@ contains
       if (allocated(self%x_P)) structure_of%support(1)%x_P = self%x_P
       if (allocated(self%excitation%x_F)) structure_of%x_F = self%excitation%x_F
    end function structure_of
+
+   !> Returns whether the rows of the record are divided by a noise that is known before the fit.
+   pure logical function has_known_noise(self)
+      class(experiment_t), intent(in) :: self
+
+      has_known_noise = .false.
+      if (allocated(self%observed)) has_known_noise = self%observed%noise_is_known
+   end function has_known_noise
 
    !> Tells for each record (records) whether it is the first channel of its motion.
    !>
@@ -125,6 +134,7 @@ contains
          allocate (record)
          record%sampling = new_sampling(observation, experiment%samples)
          record%has_offset = .true.
+         record%in_time = .true.
          call move_alloc(record, observed)
       end if
       observed%measured = experiment%measured

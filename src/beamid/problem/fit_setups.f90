@@ -36,6 +36,7 @@ module beamid_fit_setups
       procedure :: first_rows
       procedure :: sequence
       procedure :: are_ordered
+      procedure :: is_all_time
       procedure :: knows_noise
       procedure :: rows
       procedure :: prior_rows
@@ -102,11 +103,19 @@ contains
       row = 0
       do i = 1, size(self%parts)
          associate (m => size(self%parts(i)%observed%measured))
-            are_ordered(row + 1:row + m) = size(self%parts(i)%observed%times()) > 0
+            are_ordered(row + 1:row + m) = self%parts(i)%observed%in_time
             row = row + m
          end associate
       end do
    end function are_ordered
+
+   !> Returns whether all records are functions of time.
+   pure logical function is_all_time(self)
+      class(fit_setup_t), intent(in) :: self
+      integer :: i
+
+      is_all_time = all([(self%parts(i)%observed%in_time, i=1, size(self%parts))])
+   end function is_all_time
 
    !> Returns whether the noise of all data is known before the fit.
    pure logical function knows_noise(self)

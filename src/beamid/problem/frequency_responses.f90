@@ -13,6 +13,7 @@ module beamid_frequency_responses
    use beamid_linear_unknowns, only: linear_t
    use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
    use beamid_responses, only: exact_solver_t, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -37,7 +38,9 @@ module beamid_frequency_responses
       procedure :: evaluate
       procedure :: sequence
       procedure :: plain
+      procedure :: take
       procedure :: noun
+      procedure :: description
       procedure :: values
    end type frequency_response_t
 
@@ -50,6 +53,17 @@ contains
 
       values = [real(self%h)/self%noise, aimag(self%h)/self%noise]
    end function values
+
+   !> Replaces the measured response.
+   pure subroutine take(self, values)
+      class(frequency_response_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+      integer :: n
+
+      n = size(self%h)
+      self%measured = values
+      self%h = cmplx(values(:n), values(n + 1:), wp)*self%noise
+   end subroutine take
 
    !> Returns real and imaginary parts without the division by the noise.
    pure function plain(self, r)
@@ -68,6 +82,23 @@ contains
       noun = trim(merge('line ', 'lines', size(self%h) == 1))
    end function noun
 
+   !> Returns a description of the lines and of their noise.
+   function description(self) result(text)
+      class(frequency_response_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      associate (n => size(self%frequency))
+         text = to_text(n)//' '//trim(self%noun())//' of '//trim(quantities(self%power))// &
+            ', f = '//to_text(self%frequency(1))//' to '//to_text(self%frequency(n))
+      end associate
+      if (self%noise_is_known) then
+         text = text//', with known noise'
+      else
+         text = text//', noise estimated from the residuals'
+      end if
+      text = text//'; residuals are tested for white noise along the frequency'
+   end function description
+
    !> Returns rows whose noise is independent: each third line, because a Hann window correlates
    !> neighbouring lines.
    pure function sequence(self)
@@ -80,8 +111,8 @@ contains
       sequence = [[(k, k=1, n, distance)], [(n + k, k=1, n, distance)]]
    end function sequence
 
-   !> Returns the variance of the real part and of the imaginary part of a frequency response that is
-   !> the average of n blocks, |h|**2 (1 - c)/(2 (n - 1) c) with the coherence c (Bendat and
+   !> Returns the variance of the real part and of the imaginary part of a frequency response that
+   !> is the average of n blocks, |h|**2 (1 - c)/(2 (n - 1) c) with the coherence c (Bendat and
    !> Piersol, Random Data, 4th edition, section 9.1; n - 1 because n is small), as a running mean.
    !>
    !> Without the mean, lines whose coherence happens to be high would outweigh all others.

@@ -11,6 +11,7 @@ module beamid_modal_tables
    use beamid_linear_unknowns, only: linear_t
    use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
    use beamid_responses, only: exact_solver_t, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -30,7 +31,9 @@ module beamid_modal_tables
       procedure :: evaluate
       procedure :: sequence
       procedure :: plain
+      procedure :: take
       procedure :: noun
+      procedure :: description
       procedure :: values
    end type modal_table_t
 
@@ -44,6 +47,18 @@ contains
       values = self%frequency/self%sd_frequency
       if (allocated(self%damping)) values = [values, self%damping/self%sd_damping]
    end function values
+
+   !> Replaces the measured modes.
+   pure subroutine take(self, values)
+      class(modal_table_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+      integer :: n
+
+      n = size(self%mode)
+      self%measured = values
+      self%frequency = values(:n)*self%sd_frequency
+      if (allocated(self%damping)) self%damping = values(n + 1:)*self%sd_damping
+   end subroutine take
 
    !> Returns the frequencies among some rows [1/time].
    pure function plain(self, r)
@@ -62,6 +77,16 @@ contains
       noun = trim(merge('mode ', 'modes', size(self%mode) == 1))
    end function noun
 
+   !> Returns a description of the table.
+   function description(self) result(text)
+      class(modal_table_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      text = to_text(size(self%mode))//' natural frequencies'
+      if (allocated(self%damping)) text = text//' and damping ratios'
+      text = text//'; modes have no order, so there is no test for white noise'
+   end function description
+
    !> Returns an empty array: modes have no order in which their errors could be correlated.
    pure function sequence(self)
       class(modal_table_t), intent(in) :: self
@@ -72,11 +97,12 @@ contains
 
    !> Assigns measured frequencies to modes of the model.
    !>
-   !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair of
-   !> a measured and a computed frequency suggests a factor. With each factor, every measured
+   !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair
+   !> of a measured and a computed frequency suggests a factor. With each factor, every measured
    !> frequency belongs to the nearest mode. The factor counts that leaves the least sum of squared
-   !> logarithmic distances, its own distance from 1 in units of 15 % (the effect of 30 % of E)
-   !> among them.
+   !> logarithmic distances, in units of 5 %, and of a penalty for its own distance from 1. The
+   !> penalty is a quadratic one for some 15 % (the effect of 30 % of E), but grows slowly, because
+   !> a unit error makes a factor of any size.
    !>
    !> measured  (n) ascending or not [1/time]
    !> computed  (m) ascending, m >= n [1/time]
@@ -85,8 +111,9 @@ contains
    pure subroutine assign_modes(measured, computed, modes)
       real(wp), intent(in) :: measured(:), computed(:)
       integer, intent(out) :: modes(:)
-      !> Standard deviations of the common factor and of the ratio of frequencies.
-      real(wp), parameter :: of_factor = 0.15_wp, of_ratio = 0.03_wp
+      !> Standard deviations of the common factor and of the ratio of frequencies, and the weight of
+      !> the penalty.
+      real(wp), parameter :: of_factor = 0.15_wp, of_ratio = 0.05_wp, weight = 3
       integer :: candidate(size(measured)), i, j, k
       real(wp) :: cost, factor, least
 
@@ -98,8 +125,8 @@ contains
             candidate = [(minloc(abs(log(measured(k)/(factor*computed))), dim=1), &
                k=1, size(measured))]
             if (any([(any(candidate(k + 1:) == candidate(k)), k=1, size(candidate))])) cycle
-            cost = (log(factor)/of_factor)**2 + sum((log(measured/(factor*computed(candidate))) &
-               /of_ratio)**2)
+            cost = weight*log(1 + (log(factor)/of_factor)**2) &
+               + sum((log(measured/(factor*computed(candidate)))/of_ratio)**2)
             if (cost >= least) cycle
             least = cost
             modes = candidate
@@ -107,8 +134,8 @@ contains
       end do
    end subroutine assign_modes
 
-   !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as of
-   !> `observed_data_t`. There are no linear unknowns.
+   !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as
+   !> of `observed_data_t`. There are no linear unknowns.
    subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
       work, error, first)
       class(modal_table_t), intent(in) :: self

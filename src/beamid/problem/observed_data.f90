@@ -11,6 +11,7 @@ module beamid_observed_data
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_responses, only: solver_t, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -30,7 +31,7 @@ module beamid_observed_data
    end type seen_modes_t
 
    !> The measured values of an experiment. `prepare_experiment` sets all components except
-   !> `has_offset` and `noise_is_known`.
+   !> `has_offset`, `in_time` and `noise_is_known`.
    type, abstract :: observed_data_t
       real(wp), allocatable :: measured(:)   !< (m) measured values [unit of the data]
       !> standard deviation of the noise, which is white [unit of the data]; not allocated: unknown
@@ -42,6 +43,7 @@ module beamid_observed_data
       !> whether the noise of every value is known before the fit, by averages or repetitions, so
       !> that the residuals need not show it
       logical :: noise_is_known = .false.
+      logical :: in_time = .false.   !< the values are those of a time record
       !> whether the sensor may have an unknown offset
       logical :: has_offset = .false.
    contains
@@ -49,7 +51,9 @@ module beamid_observed_data
       procedure :: times => no_times
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
+      procedure :: take => take_values
       procedure :: noun => samples_noun
+      procedure :: description => describe_values
       procedure :: keep_beginning => keep_all
    end type observed_data_t
 
@@ -122,6 +126,16 @@ contains
       plain = r(:size(self%measured))
    end function as_it_is
 
+   !> Replaces the measured values, as in a simulation.
+   !>
+   !> values  (m) in the unit of `measured`
+   pure subroutine take_values(self, values)
+      class(observed_data_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+
+      self%measured = values
+   end subroutine take_values
+
    !> Returns what a record of this kind consists of, for reports.
    pure function samples_noun(self) result(noun)
       class(observed_data_t), intent(in) :: self
@@ -130,6 +144,14 @@ contains
       noun = 'samples'
       if (size(self%times()) == 0) noun = 'values'
    end function samples_noun
+
+   !> Returns a description of the data, for reports.
+   function describe_values(self) result(text)
+      class(observed_data_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      text = to_text(size(self%measured))//' '//trim(self%noun())
+   end function describe_values
 
    !> Keeps the first part of a record; data that are not a function of time stay as they are.
    !>

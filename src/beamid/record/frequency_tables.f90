@@ -19,6 +19,7 @@ module beamid_frequency_tables
       real(wp), allocatable :: coherence(:)   !< (n) 0 .. 1; not allocated: no such column
       !> (n) standard deviation of the real and of the imaginary part; not allocated: no such column
       real(wp), allocatable :: sd(:)
+      logical :: is_polar = .false.   !< the file holds magnitudes and phases
    end type frequency_table_t
 
    !> Natural frequencies and damping ratios, each with its standard deviation.
@@ -86,6 +87,7 @@ contains
       call read_all(reader, columns, values, error)
       if (allocated(error)) return
       table%frequency = values(:, frequency)
+      table%is_polar = is_polar
       if (is_polar) then
          call check_polar(path, values(:, magnitude), values(:, phase), error)
          table%h = values(:, magnitude)*exp(cmplx(0.0_wp, degree*values(:, phase), wp))

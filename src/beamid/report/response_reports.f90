@@ -61,7 +61,8 @@ contains
    end subroutine report_responses
 
    !> Adds frf.csv to the tables of a fit: measured and fitted frequency responses. The residual is
-   !> measured - model. There is no such table without frequency responses.
+   !> measured - model. There is no such table without frequency responses, and no column `sd` or
+   !> `coherence` without a value, so that the table can be read back.
    !>
    !> fits  (meshes) of the last stage
    subroutine add_fitted_responses(output, fits, experiments)
@@ -70,11 +71,22 @@ contains
       type(experiment_t), intent(in) :: experiments(:)
       type(text_t) :: table
       integer :: i, mesh, row
-      logical :: any_response
+      logical :: any_response, has_coherence, has_sd
 
       any_response = .false.
+      has_sd = .false.
+      has_coherence = .false.
+      do i = 1, size(experiments)
+         if (.not. allocated(experiments(i)%observed)) cycle
+         select type (observed => experiments(i)%observed)
+         type is (frequency_response_t)
+            has_sd = has_sd .or. observed%noise_is_known
+            has_coherence = has_coherence .or. allocated(observed%coherence)
+         end select
+      end do
       call table%line(header//',measured_real,measured_imag,residual_real,residual_imag'// &
-         band_header//',record,sd,coherence')
+         band_header//',record'//trim(merge(',sd', '   ', has_sd))// &
+         trim(merge(',coherence', '          ', has_coherence)))
       do mesh = 1, size(fits)
          row = 0
          do i = 1, size(experiments)
@@ -83,7 +95,8 @@ contains
                   select type (observed => experiments(i)%observed)
                   type is (frequency_response_t)
                      any_response = .true.
-                     call add_rows(table, observed, i, fits(mesh), row)
+                     call add_rows(table, observed, i, fits(mesh), row, has_sd, &
+                        has_coherence)
                   end select
                end if
                row = row + m
@@ -95,21 +108,23 @@ contains
 
    !> Adds the rows of one measured response.
    !>
-   !> record  number of its record
-   !> first   number of residuals before its own
-   subroutine add_rows(table, observed, record, fit, first)
+   !> record                 number of its record
+   !> first                  number of residuals before its own
+   !> has_sd, has_coherence  whether the table has these columns
+   subroutine add_rows(table, observed, record, fit, first, has_sd, has_coherence)
       type(text_t), intent(inout) :: table
       type(frequency_response_t), intent(in) :: observed
       integer, intent(in) :: record, first
       type(stage_fit_t), intent(in) :: fit
+      logical, intent(in) :: has_sd, has_coherence
       complex(wp) :: residual(size(observed%h)), slopes(size(observed%h), size(fit%free))
       real(wp) :: band(size(observed%h), 2)
-      character(len=:), allocatable :: line, sd
+      character(len=:), allocatable :: line
       integer :: j, k, n
 
       n = size(observed%h)
-      residual = -cmplx(fit%residual(first + 1:first + n), fit%residual(first + n + 1:first + 2*n), &
-         wp)*observed%noise
+      residual = -cmplx(fit%residual(first + 1:first + n), &
+         fit%residual(first + n + 1:first + 2*n), wp)*observed%noise
       do k = 1, size(fit%free)
          slopes(:, k) = cmplx(fit%jacobian(first + 1:first + n, k), &
             fit%jacobian(first + n + 1:first + 2*n, k), wp)*observed%noise/fit%weight(record)
@@ -119,9 +134,9 @@ contains
          line = response_row(fit%elements, observed%frequency(j), observed%h(j) - residual(j))
          line = line//csv_row('', [real(observed%h(j)), aimag(observed%h(j)), real(residual(j)), &
             aimag(residual(j))])//ends(band(j, :))//','//to_text(record)
-         sd = ''
-         if (observed%noise_is_known) sd = full(observed%noise(j))
-         line = line//','//sd//','
+         if (has_sd) line = line//','
+         if (observed%noise_is_known) line = line//full(observed%noise(j))
+         if (has_coherence) line = line//','
          if (allocated(observed%coherence)) line = line//full(observed%coherence(j))
          call table%line(line)
       end do

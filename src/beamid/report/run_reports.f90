@@ -1,5 +1,5 @@
-!> The reports of the commands simulate, modes, frf and design: tables and summary. The command line and
-!> the interface for C use the same reports.
+!> The reports of the commands simulate, modes, frf and design: tables and summary. The command
+!> line and the interface for C use the same reports.
 module beamid_run_reports
    use beamid_case_files, only: case_t
    use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &

@@ -5,12 +5,10 @@ module beamid_summaries
    use beamid_case_files, only: case_t
    use beamid_error_sources, only: add_error_sources, add_mesh_warning
    use beamid_experiments, only: experiment_t
-   use beamid_frequency_responses, only: frequency_response_t, quantities
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, unit_suffix
    use beamid_method_groups, only: formula_names
-   use beamid_modal_tables, only: modal_table_t
    use beamid_responses, only: work_t
    use beamid_splines, only: clamped_root
    use beamid_statistics, only: unlimited
@@ -53,7 +51,7 @@ contains
             line = case%name
             if (size(experiments) > 1) line = line//', record '//to_text(k)
             if (size(t) == 0) then
-               call text%line(line//': identification from '//described(experiments(k)))
+               call text%line(line//': identification from '//experiments(k)%observed%description())
                cycle
             end if
             call text%line(line//': identification from '//to_text(size(t))// &
@@ -85,31 +83,6 @@ contains
       content = verdict_summary(case, fits(size(fits, 1), size(fits, 2)), verdict)// &
          warnings%content()//text%content()
    end function fit_summary
-
-   !> Describes a record that is not a function of time.
-   function described(experiment) result(text)
-      type(experiment_t), intent(in) :: experiment
-      character(len=:), allocatable :: text
-
-      select type (observed => experiment%observed)
-      type is (frequency_response_t)
-         text = to_text(size(observed%h))//' lines of '//trim(quantities(observed%power))// &
-            ', f = '//to_text(observed%frequency(1))//' to '// &
-            to_text(observed%frequency(size(observed%h)))
-         if (observed%noise_is_known) then
-            text = text//', with known noise'
-         else
-            text = text//', noise estimated from the residuals'
-         end if
-         text = text//'; residuals are tested for white noise along the frequency'
-      type is (modal_table_t)
-         text = to_text(size(observed%mode))//' natural frequencies'
-         if (allocated(observed%damping)) text = text//' and damping ratios'
-         text = text//'; modes have no order, so there is no test for white noise'
-      class default
-         text = to_text(size(experiment%measured))//' values'
-      end select
-   end function described
 
    !> Adds the estimates with their total intervals, which include every source of error, with as
    !> many digits as the intervals justify.

@@ -40,8 +40,8 @@ contains
          'rejected; this fit starts from the spectral lines of the records')
       if (fit%note /= '') call text%line(fit%note)
       call add_prior_conflicts(text, fit)
-      if (all(fit%scenario%excitations%modes > 0)) call add_far_values(text, &
-         case%model%structure, fit)
+      if (all(fit%scenario%excitations%modes > 0) .or. any(verdict%qualities%noun /= 'samples')) &
+         call add_far_values(text, case%model%structure, fit)
       call add_assumptions(text, case%units, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
          'no parameter counts as determined: '//verdict%caution)

@@ -31,7 +31,7 @@ contains
       type(residual_t), intent(in) :: problem
       integer :: r
 
-      has_frequency_data = any([(size(problem%parts(r)%observed%times()) == 0, &
+      has_frequency_data = any([((.not. problem%parts(r)%observed%in_time), &
          r=1, size(problem%parts))])
    end function has_frequency_data
 
@@ -49,11 +49,13 @@ contains
       type(residual_t) :: reduced
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
+      type(scenario_t) :: given
       integer :: r
 
       call variables_of(stage, problem%scenario, variables, quantities, error)
       if (allocated(error)) return
       problem%scenario = problem%with(variables%start)
+      given = problem%scenario
       if (allocated(stage%start)) deallocate (stage%start)
       reduced = problem
       do r = 1, size(problem%parts)
@@ -62,34 +64,79 @@ contains
       call add_beliefs(reduced)
       call reduced%guess_noise()
       call improve(reduced)
-      if (.not. any([(size(problem%parts(r)%observed%times()) > 0, r=1, size(problem%parts))])) &
-         return
-      reduced = problem
-      do r = 1, size(problem%parts)
-         if (size(problem%parts(r)%observed%times()) > 0) call leave_out(reduced, r)
-      end do
-      call add_beliefs(reduced)
-      call reduced%guess_noise()
-      call improve(reduced)
+      if (any([(problem%parts(r)%observed%in_time, r=1, size(problem%parts))])) then
+         reduced = problem
+         do r = 1, size(problem%parts)
+            if (problem%parts(r)%observed%in_time) call leave_out(reduced, r)
+         end do
+         call add_beliefs(reduced)
+         call reduced%guess_noise()
+         call improve(reduced)
+      end if
+      call reconsider()
 
    contains
+
+      !> Takes the result of a fit from the values of the case instead of those from the peaks, if
+      !> the former explain the records better, before and after a fit. Peaks mislead if the lines
+      !> do not resolve them.
+      subroutine reconsider()
+         type(residual_t) :: trial(2)
+         real(wp) :: misfit(2)
+         integer :: k
+
+         trial = problem
+         trial(1)%scenario = given
+         do k = 1, 2
+            call trial(k)%guess_noise()
+            call search(trial(k), 1, misfit(k))
+         end do
+         if (.not. misfit(1) < misfit(2)) return
+         do k = 1, 2
+            call search(trial(k), 200, misfit(k))
+         end do
+         if (misfit(1) < misfit(2)) problem%scenario = trial(1)%scenario
+      end subroutine reconsider
 
       !> Replaces the start values by the result of a reduced fit, if it converges.
       subroutine improve(reduced)
          type(residual_t), intent(inout) :: reduced
+         real(wp) :: misfit
+
+         reduced%scenario = with_motions_of(reduced%scenario, problem%with(values_of(problem)))
+         call search(reduced, 200, misfit)
+         if (misfit < huge(misfit)) problem%scenario = problem%with(values_of(reduced))
+      end subroutine improve
+
+      !> Fits from the values of the scenario, and puts the estimates into it.
+      !>
+      !> evaluations  largest number; 1: none but that of the misfit
+      !> misfit       sum of squares; huge if the fit fails
+      subroutine search(trial, evaluations, misfit)
+         type(residual_t), intent(inout) :: trial
+         integer, intent(in) :: evaluations
+         real(wp), intent(out) :: misfit
          type(error_t), allocatable :: failed
          type(options_t) :: quick
          type(fit_t) :: found
+         real(wp) :: r(trial%rows())
 
-         reduced%scenario = with_motions_of(reduced%scenario, problem%with(values_of(problem)))
-         call variables_of(stage, reduced%scenario, variables, quantities, failed)
+         misfit = huge(misfit)
+         call variables_of(stage, trial%scenario, variables, quantities, failed)
          if (allocated(failed)) return
+         if (evaluations == 1) then
+            call trial%residuals(variables%start, r, failed)
+            if (.not. allocated(failed)) misfit = sum(r**2)
+            return
+         end if
          quick = options
          quick%check = .false.
-         quick%max_evaluations = 200
-         call fit(reduced, reduced%rows(), variables, quick, found, failed)
-         if (.not. allocated(failed)) problem%scenario = problem%with(found%estimate)
-      end subroutine improve
+         quick%max_evaluations = evaluations
+         call fit(trial, trial%rows(), variables, quick, found, failed)
+         if (allocated(failed)) return
+         misfit = found%J
+         trial%scenario = trial%with(found%estimate)
+      end subroutine search
 
    end subroutine start_from_peaks
 
@@ -155,8 +202,8 @@ contains
       call move_alloc(table, problem%parts(r)%observed)
    end subroutine set_data
 
-   !> Makes a table of the resonances of a frequency response. Peaks that cannot be assigned to modes
-   !> are left out, the lowest first.
+   !> Makes a table of the resonances of a frequency response. Peaks that cannot be assigned to
+   !> modes are left out, the lowest first.
    !>
    !> r  number of the record
    subroutine make_table(problem, r, response, table)
@@ -167,10 +214,15 @@ contains
       !> Largest numbers of peaks and of modes that are computed.
       integer, parameter :: most_peaks = 6, most_modes = 12
       !> Standard deviations: of a frequency as a share of itself, of a damping ratio likewise.
-      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.2_wp
+      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.3_wp
+      !> Standard deviation of a frequency as a share of the distance between lines.
+      real(wp), parameter :: of_spacing = 0.2_wp
+      !> Height of a peak in standard deviations from which its width shows the damping.
+      real(wp), parameter :: clear = 30
       type(peak_t), allocatable :: peaks(:)
       complex(wp), allocatable :: s(:), ds(:, :)
       type(error_t), allocatable :: failed
+      real(wp) :: spacing
       integer :: n
 
       peaks = find_peaks(response%frequency, response%h, response%noise, response%noise_is_known, &
@@ -192,11 +244,13 @@ contains
       if (any(table%mode == 0)) table%mode = [integer ::]
       n = size(table%mode)
       table%frequency = peaks(:n)%frequency
-      table%sd_frequency = of_frequency*table%frequency
+      spacing = (maxval(response%frequency) - minval(response%frequency)) &
+         /max(1, size(response%frequency) - 1)
+      table%sd_frequency = of_frequency*table%frequency + of_spacing*spacing
       table%damping = peaks(:n)%damping - response%rate/(two_pi*table%frequency)
       table%sd_damping = of_damping*abs(table%damping)
       ! Without a damping ratio the row has no weight.
-      where (.not. table%damping > 0)
+      where (.not. table%damping > 0 .or. peaks(:n)%size < clear*peaks(:n)%noise)
          table%damping = 0
          table%sd_damping = 1e3_wp
       end where

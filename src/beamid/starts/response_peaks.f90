@@ -13,6 +13,7 @@ module beamid_response_peaks
       real(wp) :: frequency = 0   !< |s|/(2 pi) [1/time]
       real(wp) :: damping = 0     !< damping ratio; 0: not found
       real(wp) :: size = 0        !< height above its surroundings
+      real(wp) :: noise = 0       !< standard deviation of real and imaginary part at the peak
    end type peak_t
 
 contains
@@ -35,8 +36,10 @@ contains
       logical, intent(in) :: is_known
       integer, intent(in) :: most
       type(peak_t), allocatable :: peaks(:)
-      !> Height of a peak in standard deviations, and as a share of its magnitude.
-      real(wp), parameter :: clear = 6, least_share = 0.3_wp
+      !> Height of a peak in standard deviations, and as a share of its magnitude. Among thousands
+      !> of lines of noise alone, the highest stands some seven standard deviations above the
+      !> lowest.
+      real(wp), parameter :: clear = 10, least_share = 0.3_wp
       !> Two peaks whose frequencies differ by a smaller share are one.
       real(wp), parameter :: same = 0.03_wp
       type(peak_t), allocatable :: all(:)
@@ -53,7 +56,7 @@ contains
       allocate (all(0))
       do k = 2, n - 1
          if (magnitude(k) < magnitude(k - 1) .or. magnitude(k) <= magnitude(k + 1)) cycle
-         prominence = magnitude(k) - max(valley(magnitude(k:1:-1)), valley(magnitude(k:)))
+         prominence = magnitude(k) - max(valley(magnitude, k, -1), valley(magnitude, k, 1))
          if (prominence < max(clear*level(k), least_share*magnitude(k))) cycle
          peak = peak_at(k)
          if (peak%damping > 0) all = [all, peak]
@@ -99,6 +102,7 @@ contains
          intercept = (sums(0) - moments(1)*slope)/moments(0)
          found%frequency = frequency(k)
          found%size = prominence
+         found%noise = level(k)
          if (.not. abs(slope) > 0) return
          zero = frequency(k) - intercept/slope
          if (abs(real(zero) - frequency(k)) > frequency(last) - frequency(first)) return
@@ -110,15 +114,19 @@ contains
 
    !> Returns the least magnitude between a peak and the next higher line, or the end.
    !>
-   !> magnitude  (n) from the peak on
-   pure real(wp) function valley(magnitude)
+   !> peak  number of the line of the peak
+   !> step  1 for the lines after it, -1 for those before it
+   pure real(wp) function valley(magnitude, peak, step)
       real(wp), intent(in) :: magnitude(:)
+      integer, intent(in) :: peak, step
       integer :: k
 
-      valley = magnitude(1)
-      do k = 2, size(magnitude)
-         if (magnitude(k) > magnitude(1)) return
+      valley = magnitude(peak)
+      k = peak + step
+      do while (k >= 1 .and. k <= size(magnitude))
+         if (magnitude(k) > magnitude(peak)) exit
          valley = min(valley, magnitude(k))
+         k = k + step
       end do
    end function valley
 

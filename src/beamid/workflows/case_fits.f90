@@ -17,6 +17,7 @@ module beamid_case_fits
    use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_records, only: note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
+   use beamid_response_checks, only: check_responses
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
@@ -59,6 +60,7 @@ contains
       allocate (found%minima(0), found%windows(0), found%tests(0))
       call load_experiments(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
+      if (.not. allocated(error)) call check_responses(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call scored_samples(case, found%scored, found%expected, error)
    end subroutine load_case
 

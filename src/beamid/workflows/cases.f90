@@ -195,7 +195,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: sentences(:)
       integer, allocatable :: motions(:)
-      integer :: k, linear, total, unknowns
+      character(len=7) :: noun
+      integer :: i, k, linear, total, unknowns
 
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
@@ -229,9 +230,11 @@ contains
       do k = 1, size(case%stages)
          unknowns = size(case%stages(k)%free) + linear &
             + merge(size(experiments), 0, case%stages(k)%offset)
+         noun = merge('samples', 'values ', all([(size(experiments(i)%samples) > 0, &
+            i=1, size(experiments))]))
          if (unknowns > total) call refuse(case%path, case%stage_lines(k), 'stage free', &
-            to_text(unknowns)//' unknowns for '//to_text(total)//' measured values', &
-            'no more unknowns than values', error)
+            to_text(unknowns)//' unknowns for '//to_text(total)//' '//trim(noun), &
+            'no more unknowns than '//trim(noun), error)
       end do
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments

@@ -79,7 +79,8 @@ contains
          call check_needs(maker%case, needs_fit, error)
          if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &
             0, 'excitation kind', '''free''', 'a known excitation, to simulate records', error)
-         if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0) &
+         if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0 &
+            .and. all([(case%recordings(i)%kind == 'time', i=1, size(case%recordings))])) &
             call refuse(case%path, case%ensemble%line, 'ensemble', 'neither &draw nor &noise', &
             'one of them, so that the members differ', error)
          if (.not. allocated(error)) call load_experiments(maker%case, maker%experiments, notes, &
@@ -96,7 +97,7 @@ contains
             maker%scenario%excitations(i) = experiments(i)%excitation
             structures(i)%yields = yielding([case%draws%parameter])
             if (.not. needs_records(case)) cycle
-            experiments(i)%measured = 0*experiments(i)%samples
+            experiments(i)%measured = 0*experiments(i)%measured
             call prepare_experiment(experiments(i), structures(i), mesh, case%model%observation, &
                modal_t(), maker%prepared(i), error)
             if (allocated(error)) return
@@ -223,7 +224,8 @@ contains
       seed_of = int(modulo(seed*golden + number, seeds) - seeds/2)
    end function seed_of
 
-   !> Simulates the records of a beam and adds the noise of member k.
+   !> Simulates the records of a beam and adds the noise of member k: that of &noise, or the noise
+   !> that a record of another kind than 'time' states.
    !>
    !> experiments  (records) on return with the simulated values
    !> error        a response that cannot be computed
@@ -233,8 +235,8 @@ contains
       type(scenario_t), intent(in) :: scenario
       type(experiment_t), intent(inout) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: z(:)
-      integer :: first, i, m
+      real(wp), allocatable :: noise(:), unit(:), z(:)
+      integer :: first, i, m, seed
 
       if (allocated(self%noise_free)) then
          z = self%noise_free
@@ -242,12 +244,22 @@ contains
          call self%respond(scenario, z, error)
          if (allocated(error)) return
       end if
-      if (self%case%noise_sd > 0) z = z + gaussian_noise(size(z), self%case%noise_sd, &
-         seed_of(self%case%ensemble%seed, 2_ip*k + 1))
+      seed = seed_of(self%case%ensemble%seed, 2_ip*k + 1)
+      noise = gaussian_noise(size(z), self%case%noise_sd, seed)
+      if (any([(experiments(i)%has_known_noise(), i=1, size(experiments))])) &
+         unit = gaussian_noise(size(z), 1.0_wp, seed)
       first = 0
       do i = 1, size(experiments)
          m = size(experiments(i)%measured)
-         experiments(i)%measured = z(first + 1:first + m)
+         associate (values => z(first + 1:first + m))
+            if (experiments(i)%has_known_noise()) then
+               values = values + unit(first + 1:first + m)
+            else
+               values = values + noise(first + 1:first + m)
+            end if
+            experiments(i)%measured = values
+            if (allocated(experiments(i)%observed)) call experiments(i)%observed%take(values)
+         end associate
          first = first + m
       end do
    end subroutine make_records

@@ -1,8 +1,8 @@
 !> Loads records that are not functions of time: frequency responses and tables of modes.
 module beamid_frequency_data
    use beamid_case_files, only: case_t
-   use beamid_errors, only: bad_input, error_t, failure
    use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_frequency_responses, only: frequency_response_t, variance_from_coherence
@@ -103,12 +103,26 @@ contains
          call bad_input(error, recording%path//': found the same value at every frequency, '// &
          'expected a frequency response')
       call check_convention(response, notes)
+      if (table%is_polar) call check_decibels(abs(table%h), notes)
    end subroutine load_response
 
-   !> Determines the standard deviation of the real and of the imaginary part of every line: from the
-   !> key sd, the column sd, or the coherence and the number of averages. Without any of them it is
-   !> 1, and the fit estimates it. A Hann window correlates neighbouring lines, so that the variance
-   !> of a mean over lines grows by 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2.
+   !> Warns of magnitudes that look like decibels: over a resonance a magnitude changes by a large
+   !> factor, its logarithm by a small one.
+   subroutine check_decibels(magnitude, notes)
+      real(wp), intent(in) :: magnitude(:)
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+      real(wp), parameter :: factor = 10, range = 20
+
+      if (maxval(magnitude) > factor*minval(magnitude) .or. maxval(magnitude) - minval(magnitude) &
+         < range) return
+      call add_note(notes, 'warning: magnitudes from '//rounded(minval(magnitude), 3)//' to '// &
+         rounded(maxval(magnitude), 3)//' look like decibels; magnitude = 10^(dB/20)')
+   end subroutine check_decibels
+
+   !> Determines the standard deviation of the real and of the imaginary part of every line: from
+   !> the key sd, the column sd, or the coherence and the number of averages. Without any of them it
+   !> is 1, and the fit estimates it. A Hann window correlates neighbouring lines, so that the
+   !> variance of a mean over lines grows by 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2.
    subroutine find_noise(path, recording, table, response, error)
       character(len=*), intent(in) :: path
       type(recording_t), intent(in) :: recording
@@ -145,23 +159,25 @@ contains
    !>
    !> With exp(i omega t) the phase decreases through every resonance, whatever the sign of its
    !> residue, because a response follows its force. The sum of the phase steps, each weighted by
-   !> |h|**2, is therefore negative.
+   !> |h|**2/noise**2, is therefore negative.
    subroutine check_convention(response, notes)
       type(frequency_response_t), intent(inout) :: response
       character(len=note_length), allocatable, intent(inout) :: notes(:)
-      !> Fewest lines, and least mean phase step in comparison with the scatter of the steps.
+      !> Fewest lines, and least sum of the steps as a share of the sum of their sizes.
       integer, parameter :: enough = 16
-      real(wp), parameter :: clear = 4
+      real(wp), parameter :: clear = 0.5_wp
       real(wp), allocatable :: steps(:)
       integer :: n
 
       n = size(response%h)
       if (n < enough) return
-      steps = aimag(conjg(response%h(:n - 1))*response%h(2:))
-      if (.not. sum(steps) > clear*norm2(steps - sum(steps)/size(steps))) return
+      associate (h => response%h/response%noise)
+         steps = aimag(conjg(h(:n - 1))*h(2:))
+      end associate
+      if (.not. sum(steps) > clear*sum(abs(steps))) return
       response%h = conjg(response%h)
-      call add_note(notes, 'the phase of the response rises through its resonances, as with the '// &
-         'convention exp(-i omega t): the response has been conjugated')
+      call add_note(notes, 'the phase of the response rises through its resonances, as with '// &
+         'the convention exp(-i omega t): the response has been conjugated')
    end subroutine check_convention
 
    !> Loads a table of modes, and assigns them to modes of the model.
@@ -194,8 +210,8 @@ contains
                'mode with the numbers of the modes')
             return
          end if
-         call add_note(notes, 'the modes of the table have no numbers; the nearest modes of the '// &
-            'model are assigned to them')
+         call add_note(notes, 'the modes of the table have no numbers; the nearest modes of '// &
+            'the model are assigned to them')
       end if
       do k = 1, size(table%mode)
          if (table%mode(k) > size(computed)) then

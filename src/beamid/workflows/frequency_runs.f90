@@ -27,7 +27,8 @@ module beamid_frequency_runs
    type :: case_response_t
       real(wp), allocatable :: frequency(:)    !< (n) [1/time]
       complex(wp), allocatable :: h(:, :)      !< (n, meshes)
-      !> (n, 2, meshes) ends of the 95 % interval of the magnitude; not allocated: nothing was fitted
+      !> (n, 2, meshes) ends of the 95 % interval of the magnitude; not allocated: nothing was
+      !> fitted
       real(wp), allocatable :: band(:, :, :)
       integer :: power = 2                     !< 0: receptance, 1: mobility, 2: accelerance
       logical :: is_fitted = .false.           !< the structure is that of a fit
@@ -39,8 +40,8 @@ module beamid_frequency_runs
 
 contains
 
-   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf', and loads
-   !> the records if the case can be fitted.
+   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf', and
+   !> loads the records if the case can be fitted.
    !>
    !> error  no such record, or no frequencies
    subroutine prepare_responses(case, found, error)
@@ -52,9 +53,11 @@ contains
 
       call check_needs(case, needs_modes, error)
       if (allocated(error)) return
-      place = findloc([(case%recordings(k)%kind == 'frf', k=1, size(case%recordings))], .true., dim=1)
+      place = findloc([(case%recordings(k)%kind == 'frf', k=1, size(case%recordings))], .true., &
+         dim=1)
       do k = size(case%recordings), 1, -1
-         if (case%recordings(k)%kind == 'frf' .and. .not. allocated(case%recordings(k)%path)) place = k
+         if (case%recordings(k)%kind == 'frf' .and. .not. allocated(case%recordings(k)%path)) &
+            place = k
       end do
       if (place == 0) then
          call refuse(case%path, 0, 'record', 'no group with kind=''frf''', 'one, with f_first, '// &
@@ -166,9 +169,10 @@ contains
       if (present(fit)) band = band_of_magnitude(fit, h, all(:, 1:))
    end subroutine compute_one
 
-   !> Returns the ends of the 95 % interval of the magnitude of a frequency response, from the total
+   !> Returns the ends of the 95 % interval of the magnitude of a frequency response, from the
    !> intervals of the estimates and their correlations; 0 and a huge number if an estimate is not
-   !> determined.
+   !> determined. The shifts of the estimates on finer meshes do not count, because they leave the
+   !> fitted response nearly as it is.
    !>
    !> h   (n) response
    !> dh  (n, parameters) its derivatives with respect to the searched variables

@@ -21,7 +21,7 @@ module beamid_input_checks
    implicit none
    private
 
-   public :: leave_out_lead_in, check_input, describe_scale
+   public :: check_input, check_units, describe_scale, find_frequencies, leave_out_lead_in
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
