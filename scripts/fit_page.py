@@ -274,12 +274,10 @@ class Fit:
         rows = self.modal_rows()
         with_damping = any(value(row, "measured_damping") is not None for row in rows)
         many = len({row["record"] for row in rows}) > 1
-        cells = []
-        for row in rows:
-            cells.append([*[row["record"]] * many, row["mode"],
-                          *self.compared(row, "measured_hz", "sd_hz", "model_hz", "residual_hz"),
-                          *(self.compared(row, "measured_damping", "sd_damping", "model_damping",
-                                          "residual_damping") if with_damping else [])])
+        cells = [[*[row["record"]] * many, row["mode"],
+                  *self.compared(row, "measured_hz", "sd_hz", "model_hz", "residual_hz"),
+                  *(self.compared(row, "measured_damping", "sd_damping", "model_damping",
+                                  "residual_damping") if with_damping else [])] for row in rows]
         hertz = self.units.hertz or "1/time"
         heads = ["measured", "± sd", "model", "residual/sd"]
         return "<h3>Measured modes</h3>\n" + h.table(

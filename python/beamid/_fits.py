@@ -297,12 +297,12 @@ class Fit:
         for record in np.unique(columns["record"]):
             of = {name: values[columns["record"] == record] for name, values in columns.items()}
             unknown = np.full(of["real"].size, np.nan)
+            measured, model, residual = (of[stem + "real"] + 1j*of[stem + "imag"]
+                                         for stem in ("measured_", "", "residual_"))
+            band = np.column_stack([of["magnitude_lower95"], of["magnitude_upper95"]])
             found.append(FittedResponse(
-                int(record), of["frequency_hz"],
-                *(of[stem + "real"] + 1j*of[stem + "imag"]
-                  for stem in ("measured_", "", "residual_")),
-                np.column_stack([of["magnitude_lower95"], of["magnitude_upper95"]]), of.get("sd", unknown),
-                of.get("coherence", unknown)))
+                int(record), of["frequency_hz"], measured, model, residual, band,
+                of.get("sd", unknown), of.get("coherence", unknown)))
         return found
 
     @property
@@ -408,9 +408,9 @@ class Fit:
         self._judge()
         for found in self.frequency_responses:
             if found.record == record:
-                return _plots.response(
-                    found.frequencies, found.model, *found.band.T, axes, "Fit.plot",
-                    found.measured)
+                lower, upper = found.band.T
+                return _plots.response(found.frequencies, found.model, lower, upper, axes,
+                                       "Fit.plot", found.measured)
         return _plots.fit(self._text("fit.csv"), self._text("labels.csv"), record, axes)
 
     def plot_modes(self, axes: Any = None) -> Any:

@@ -667,3 +667,105 @@ def test_examples_of_the_readme(monkeypatch, tmp_path):
         assert lower < true < upper, name
     from matplotlib import pyplot
     pyplot.close("all")
+
+
+STRIP = dict(length=0.5, width=0.03, height=0.003, density=2700, E=7e10, c_D=2e6, gamma=0.05)
+MESH = dict(sensor=dict(m_S=0.005, x_S=0.4), discretization=dict(degree=5, elements=16))
+LINES = dict(f_first=5, f_last=200, f_step=1, x_F=0.3)
+
+
+@pytest.fixture(scope="module")
+def strip_response():
+    """The frequency response of a strip."""
+    return beamid.frf(record=LINES, beam=STRIP, **MESH)
+
+
+def measured_response(found, sd=0.05):
+    """A record with noise of a known standard deviation."""
+    random = np.random.default_rng(5)
+    noise = random.normal(0, sd, (2, found.h.size))
+    return beamid.FrequencyRecord(found.frequencies, found.h + noise[0] + 1j*noise[1], sd=sd,
+                                  x_F=LINES["x_F"])
+
+
+def fit_strip(*records, **more):
+    return beamid.fit(records=list(records), beam=dict(STRIP, E=6e10, c_D=1e6),
+                      free=["E", "c_D", "gamma"], **MESH, **more)
+
+
+def test_frequency_response_in_memory(strip_response):
+    """A fit finds the parameters that made the response, and shows its residuals."""
+    record = measured_response(strip_response)
+    fit = fit_strip(record)
+    for name in ("E", "c_D", "gamma"):    # 5: one interval in two million is that far off
+        assert abs(fit[name].value - STRIP[name]) < 5*fit[name].std_error
+    found, = fit.frequency_responses
+    assert found.record == 1 and fit.measured_modes == []
+    measured = record.columns["real"] + 1j*record.columns["imag"]
+    assert found.measured.tolist() == measured.tolist()    # the temporary file has all digits
+    np.testing.assert_allclose(found.measured - found.model, found.residual, atol=1e-12*1e3)
+    np.testing.assert_allclose(np.concatenate([found.residual.real, found.residual.imag])/0.05,
+                               fit.residuals, atol=1e-9)
+    assert found.sd.tolist() == [0.05]*found.sd.size and np.isnan(found.coherence).all()
+    assert (found.band[:, 0] < np.abs(found.model)).all()
+    assert (found.band[:, 1] > np.abs(found.model)).all()
+    assert fit.t.size == 0
+    pytest.importorskip("matplotlib").use("Agg")
+    assert fit.plot().shape == (3,) and strip_response.plot().shape == (2,)
+
+
+def test_response_of_a_fitted_structure(strip_response):
+    """Frf of a problem is the response of its fit, with a band, at the lines of the record."""
+    record = measured_response(strip_response)
+    fit = fit_strip(record)
+    found = beamid.frf(fit._problem)
+    assert found.frequencies.tolist() == strip_response.frequencies.tolist()
+    np.testing.assert_allclose(found.h, fit.frequency_responses[0].model, rtol=1e-9)
+    np.testing.assert_allclose(found.band, fit.frequency_responses[0].band, rtol=1e-6)
+    assert strip_response.band is None
+
+
+def test_modes_in_memory():
+    """Frequencies and damping ratios of the model itself give back its parameters."""
+    known = beamid.modes(beam=STRIP, **MESH)
+    table = beamid.ModalRecord(known.frequencies[:3], 0.01, known.damping_ratios[:3], 1e-4)
+    fit = fit_strip(table)
+    # The search ends within 1e-6 standard errors.
+    for name in ("E", "c_D", "gamma"):
+        assert abs(fit[name].value - STRIP[name]) < 1e-3*fit[name].std_error
+    assert [mode.mode for mode in fit.measured_modes] == [1, 2, 3]
+    assert all(abs(mode.residual) < 1e-3*mode.sd for mode in fit.measured_modes)
+    assert fit.frequency_responses == []
+    with pytest.raises(ValueError, match="has no samples"):
+        fit.plot()
+
+
+def test_records_of_several_kinds(strip_response):
+    """A free decay, a response and a table of modes in one fit; a copy by pickle gives the same."""
+    t = np.arange(0, 2, 0.001)
+    free = dict(excitation=dict(kind="release", displacement=0.001))
+    decay = beamid.simulate(t, beam=STRIP, noise=dict(sd=0.1, seed=3), **free, **MESH)
+    known = beamid.modes(beam=STRIP, **MESH)
+    records = [beamid.Record(t, decay.record), measured_response(strip_response),
+               beamid.ModalRecord(known.frequencies[:2], [0.01, 0.02], mode=[1, 2])]
+    fit = fit_strip(*records, **free)
+    for name in ("E", "c_D", "gamma"):
+        assert abs(fit[name].value - STRIP[name]) < 5*fit[name].std_error
+    alone = fit_strip(records[1])
+    assert all(fit[name].std_error < alone[name].std_error for name in fit.names)
+    assert fit.t.size == t.size and len(fit.frequency_responses) == 1
+    assert [mode.record for mode in fit.measured_modes] == [3, 3]
+    again = pickle.loads(pickle.dumps(fit._problem)).fit()
+    assert again.values.tolist() == fit.values.tolist()
+
+
+def test_bad_records_in_memory():
+    with pytest.raises(beamid.InputError, match="2 of real"):
+        beamid.FrequencyRecord([1, 2, 3], [1, 2j])
+    with pytest.raises(beamid.InputError, match="frequency_hz that is not finite"):
+        beamid.ModalRecord([1, np.nan], 0.1)
+    with pytest.raises(beamid.InputError, match="FrequencyRecord"):
+        beamid.fit(records=[([1, 2], [3, 4])], beam=STRIP, free="E")
+    with pytest.raises(beamid.InputError, match="averages"):
+        fit_strip(beamid.FrequencyRecord(np.arange(5, 200), np.ones(195)*(1 + 1j),
+                                         coherence=np.full(195, 0.9)))
