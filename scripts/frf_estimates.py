@@ -22,7 +22,7 @@ LEAST_SAMPLES = 16       # of a block
 EARLY = 0.1              # of a block: where its free vibration is looked at first
 PART = 4                 # parts of a block; the last one shows what is left
 STRONG = 1e-4            # of the largest power: weaker lines are not judged
-CLEAR = 6                # standard errors by which vibration must exceed the noise
+CHANCE = 0.01            # that noise passes for vibration
 REMAINS = 0.01           # of the free vibration, from which on the script warns
 
 
@@ -195,9 +195,12 @@ def slowest(y, starts, length, rate):
     taper = np.hanning(size)
     early, late = (np.mean([np.abs(np.fft.rfft(taper * y[start + at:start + at + size]))**2
                             for start in starts], axis=0)[2:] for at in (first, last))
-    floor = np.median(late)
-    clear = np.flatnonzero((early > STRONG * early.max()) & (
-        late > floor * (1 + CLEAR / math.sqrt(len(starts)))))
+    # Averages of the power of noise over n blocks have a gamma distribution: a line is clear if
+    # noise in any of all the lines exceeds it with the probability CHANCE only.
+    from scipy.stats import gamma
+    floor, n = np.median(late), len(starts)
+    level = floor * gamma.isf(CHANCE / late.size, n) / gamma.median(n)
+    clear = np.flatnonzero((early > STRONG * early.max()) & (early > level) & (late > level))
     if not clear.size:
         return None
     k = clear[np.argmax(late[clear] / early[clear])]

@@ -15,10 +15,10 @@ MARKED = 400
 
 def fit(table: str, labels: str, record: int, axes: Any) -> Any:
     """Draw record, model and residuals from fit.csv; see `Fit.plot`."""
-    columns = read(table)
-    if not columns["record"].size:
+    if len(table.splitlines()) < 2:
         raise ValueError(f"plot: found record={record}, which has no samples, expected a record "
                          "of samples or a frequency response")
+    columns = read(table)
     chosen = (columns["elements"] == columns["elements"].max()) & (columns["record"] == record)
     if not chosen.any():
         raise ValueError(f"plot: found record={record}, expected 1 to "
