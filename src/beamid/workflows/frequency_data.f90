@@ -12,7 +12,7 @@ module beamid_frequency_data
    use beamid_kinds, only: wp
    use beamid_modal_tables, only: assign_modes, modal_table_t
    use beamid_modes, only: undamped_modes
-   use beamid_records, only: add_note, note_length, recording_t
+   use beamid_records, only: add_note, frequency_keys_t, note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_strings, only: rounded, to_text
    implicit none
@@ -121,15 +121,14 @@ contains
 
    !> Determines the standard deviation of the real and of the imaginary part of every line: from
    !> the key sd, the column sd, or the coherence and the number of averages. Without any of them it
-   !> is 1, and the fit estimates it. A Hann window correlates neighbouring lines, so that the
-   !> variance of a mean over lines grows by 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2.
+   !> is 1, and the fit estimates it. A window correlates neighbouring lines, which raises the
+   !> variance of a mean over lines (`correlation_of_lines`).
    subroutine find_noise(path, recording, table, response, error)
       character(len=*), intent(in) :: path
       type(recording_t), intent(in) :: recording
       type(frequency_table_t), intent(in) :: table
       type(frequency_response_t), intent(inout) :: response
       type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: of_hann = 35.0_wp/18
 
       associate (lines => recording%lines)
          response%noise_is_known = .true.
@@ -149,11 +148,33 @@ contains
             response%noise = spread(1.0_wp, 1, size(table%h))
             return
          end if
-         if (lines%is_hann) response%noise = sqrt(of_hann)*response%noise
+         response%noise = sqrt(correlation_of_lines(lines, table%frequency))*response%noise
       end associate
       if (any(.not. response%noise > 0)) call bad_input(error, recording%path// &
          ': found a response of 0, whose noise is unknown, expected other values')
    end subroutine find_noise
+
+   !> Returns the factor by which a window raises the variance of a mean over lines.
+   !>
+   !> For a window w of the duration T it is T int(w**4)/(int(w**2))**2, the sum of the squared
+   !> correlations between the noise of one line and that of all lines at distances of 1/T. This is
+   !> 35/18 = 1 + 2 (2/3)**2 + 2 (1/6)**2 for a Hann window, and x coth(x) with x = a T for
+   !> exp(-a t). If there are both, the larger factor counts.
+   !>
+   !> frequency  (n) of all lines of the file, ascending [1/time]; their least distance is 1/T
+   pure real(wp) function correlation_of_lines(lines, frequency) result(factor)
+      type(frequency_keys_t), intent(in) :: lines
+      real(wp), intent(in) :: frequency(:)
+      real(wp), parameter :: of_hann = 35.0_wp/18
+      real(wp) :: x
+      integer :: n
+
+      factor = merge(of_hann, 1.0_wp, lines%is_hann)
+      n = size(frequency)
+      if (n < 2 .or. .not. lines%rate > 0) return
+      x = lines%rate/minval(frequency(2:) - frequency(:n - 1))
+      factor = max(factor, x/tanh(x))
+   end function correlation_of_lines
 
    !> Conjugates a response with the convention exp(-i omega t).
    !>
