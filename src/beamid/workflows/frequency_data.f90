@@ -92,6 +92,8 @@ contains
          end if
          call find_noise(path, recording, table, response, error)
          if (allocated(error)) return
+         if (.not. response%noise_is_known) call warn_of_correlation( &
+            correlation_of_lines(lines, table%frequency), notes)
          response%power = lines%power
          response%rate = lines%rate
          response%frequency = pack(table%frequency, used)
@@ -175,6 +177,21 @@ contains
       x = lines%rate/minval(frequency(2:) - frequency(:n - 1))
       factor = max(factor, x/tanh(x))
    end function correlation_of_lines
+
+   !> Warns if the noise is estimated and a window correlates neighbouring lines: the estimate of the
+   !> noise level does not show it.
+   !>
+   !> factor  as of `correlation_of_lines`
+   subroutine warn_of_correlation(factor, notes)
+      real(wp), intent(in) :: factor
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+      !> Intervals that are 10 % too narrow.
+      real(wp), parameter :: harmless = 1.21_wp
+
+      if (factor > harmless) call add_note(notes, 'warning: the window correlates neighbouring '// &
+         'lines, so that intervals from estimated noise are too narrow by a factor of up to '// &
+         rounded(sqrt(factor), 2)//'; state sd, or a coherence and averages')
+   end subroutine warn_of_correlation
 
    !> Conjugates a response with the convention exp(-i omega t).
    !>
