@@ -35,6 +35,21 @@ PRIORS = """&prior parameter='length', sd=0.001 /
 &multistart n=4 /
 &windows n=3 /
 """
+STRIP = """&beam           length=0.5, width=0.03, height=0.003, density=2700, E={E}, c_D=2e6, gamma=0.05 /
+&sensor         m_S=0.005, x_S=0.4 /
+&discretization degree=5, elements=16 /
+&record         kind='frf', f_first=5, f_last=400, f_step=1, x_F=0.3 /
+&units          length='m', force='N', time='s', mass='kg' /
+"""
+# The response of the strip as a record without noise: intervals and residuals are tiny.
+RESPONSE = "&record kind='frf', file='frf/frf.csv', sd=0.5, x_F=0.3 /\n"
+MODES = "&record kind='modes', file='modes.csv' /\n"
+TABLE = """mode,frequency_hz,sd_hz,damping_ratio,sd_damping
+1,9.4692,0.002,0.00244,0.0001
+2,61.84,0.01,0.0058,0.0002
+3,171.13,0.02,0.0155,0.0003
+"""
+FREE = "&stage free='E','c_D','gamma' /\n"
 # Name of a page: the commands that fill its folder.
 PAGES = {
     "identify": [["identify", DATA / "bench_fit.nml"]],
@@ -42,6 +57,10 @@ PAGES = {
     "along": [["identify", DATA / "notch_fit.nml"]],
     "simulate": [["simulate", DATA / "bench_truth.nml"]],
     "modes": [["modes", DATA / "table_4_1_noisy.nml"]],
+    "frf": [["frf", "strip.nml"]],
+    "frf-fit": [["identify", "frf_fit.nml"]],
+    "modes-fit": [["identify", "modes_fit.nml"]],
+    "mixed-fit": [["identify", "mixed_fit.nml"]],
     "profile": [["profile", DATA / "table_4_1_noisy.nml"]],
     "sample": [["identify", DATA / "table_4_1_noisy.nml"],
                ["sample", DATA / "table_4_1_noisy.nml"]],
@@ -135,6 +154,14 @@ def page(request, browser):
     (OUT / "list.txt").write_text("".join(f"{DATA / name}.nml\n" for name in
                                           ("table_4_1_noisy", "table_4_1_fit", "bench_fit")))
     (OUT / "fleet.nml").write_text("&ensemble cases='list.txt' /\n")
+    (OUT / "strip.nml").write_text(STRIP.format(E="7e10"))
+    (OUT / "modes.csv").write_text(TABLE)
+    start = STRIP.format(E="6.5e10") + FREE
+    (OUT / "frf_fit.nml").write_text(re.sub("&record.*\n", RESPONSE, start))
+    (OUT / "modes_fit.nml").write_text(re.sub("&record.*\n", MODES, start))
+    (OUT / "mixed_fit.nml").write_text(re.sub("&record.*\n", RESPONSE + MODES, start))
+    if request.param.endswith("-fit"):
+        run(program(), "frf", "strip.nml", "--out", "frf", "--quiet")
     folder = OUT / request.param
     shutil.rmtree(folder, ignore_errors=True)
     for command in PAGES[request.param]:
