@@ -106,8 +106,8 @@ class Fit:
         least = min(p.number(row, "fit_percent") for row in signals)
         if len(self.quality) == 1:
             return f"The model explains {least:.1f} % of the signal."
-        return (f"The model explains {least:.1f} % or more of the signal of each of "
-                f"{len(self.quality)} records.")
+        return (f"The model explains at least {math.floor(10 * least) / 10:.1f} % of the signal of "
+                f"each of {len(self.quality)} records.")
 
     def rms_of_modes(self):
         """Returns the rms residual of the measured modes, in standard deviations."""

@@ -784,6 +784,10 @@ def test_noise_of_windowed_blocks():
                              **MESH).fit(judge=False)
         errors += [(fit[name].value - STRIP[name])/fit[name].std_error for name in fit]
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
+    # From estimated noise the intervals do not allow for that, and the summary says so.
+    record = beamid.FrequencyRecord(f, h, x_F=0.3, exponential_window=rate, f_first=5, f_last=200)
+    fit = beamid.Problem(records=record, beam=STRIP, free="E", start="case", **MESH).fit()
+    assert "too narrow by a factor of up to 2.6" in " ".join(fit.summary().split())
 
 
 def test_bad_records_in_memory():
