@@ -35,7 +35,8 @@ PRIORS = """&prior parameter='length', sd=0.001 /
 &multistart n=4 /
 &windows n=3 /
 """
-STRIP = """&beam           length=0.5, width=0.03, height=0.003, density=2700, E={E}, c_D=2e6, gamma=0.05 /
+STRIP = """&beam           length=0.5, width=0.03, height=0.003, density=2700, E={E}, c_D=2e6,
+                gamma=0.05 /
 &sensor         m_S=0.005, x_S=0.4 /
 &discretization degree=5, elements=16 /
 &record         kind='frf', f_first=5, f_last=400, f_step=1, x_F=0.3 /

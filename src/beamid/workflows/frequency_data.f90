@@ -178,8 +178,8 @@ contains
       factor = max(factor, x/tanh(x))
    end function correlation_of_lines
 
-   !> Warns if the noise is estimated and a window correlates neighbouring lines: the estimate of the
-   !> noise level does not show it.
+   !> Warns if the noise is estimated and a window correlates neighbouring lines: the estimate of
+   !> the noise level does not show it.
    !>
    !> factor  as of `correlation_of_lines`
    subroutine warn_of_correlation(factor, notes)
