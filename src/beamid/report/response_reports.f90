@@ -39,7 +39,7 @@ contains
       do k = 1, size(case%meshes)
          do j = 1, size(found%frequency)
             line = response_row(case%meshes(k)%elements, found%frequency(j), found%h(j, k))
-            if (found%is_fitted) line = line//ends(found%band(j, :, k))
+            if (found%is_fitted) line = line//ends([found%band(j, :, k)])
             call table%line(line)
          end do
       end do
@@ -133,7 +133,7 @@ contains
       do j = 1, n
          line = response_row(fit%elements, observed%frequency(j), observed%h(j) - residual(j))
          line = line//csv_row('', [real(observed%h(j)), aimag(observed%h(j)), real(residual(j)), &
-            aimag(residual(j))])//ends(band(j, :))//','//to_text(record)
+            aimag(residual(j))])//ends([band(j, :)])//','//to_text(record)
          if (has_sd) line = line//','
          if (observed%noise_is_known) line = line//full(observed%noise(j))
          if (has_coherence) line = line//','

@@ -54,7 +54,7 @@ contains
 
       call variables_of(stage, problem%scenario, variables, quantities, error)
       if (allocated(error)) return
-      problem%scenario = problem%with(variables%start)
+      problem%scenario = problem%with([variables%start])
       given = problem%scenario
       if (allocated(stage%start)) deallocate (stage%start)
       reduced = problem
@@ -125,7 +125,7 @@ contains
          call variables_of(stage, trial%scenario, variables, quantities, failed)
          if (allocated(failed)) return
          if (evaluations == 1) then
-            call trial%residuals(variables%start, r, failed)
+            call trial%residuals([variables%start], r, failed)
             if (.not. allocated(failed)) misfit = sum(r**2)
             return
          end if
@@ -238,7 +238,7 @@ contains
       do n = min(size(peaks), size(s)), 1, -1
          if (allocated(failed)) exit
          table%mode = spread(0, 1, n)
-         call assign_modes(peaks(:n)%frequency, abs(s)/two_pi, table%mode)
+         call assign_modes([peaks(:n)%frequency], abs(s)/two_pi, table%mode)
          if (all(table%mode > 0)) exit
       end do
       if (any(table%mode == 0)) table%mode = [integer ::]
