@@ -279,7 +279,9 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
 
 def pictures(directory, chosen=None):
     """The figures of an output folder, one for each record, for the mesh chosen or the finest."""
-    if not p.has_rows(directory / "fit.csv"):
+    if not (directory / "fit.csv").exists() and (directory / "frf.csv").exists():
+        p.fail(f"{directory}: found no fit.csv, but frf.csv, which plot_frf.py draws")
+    if (directory / "fit.csv").exists() and not p.has_rows(directory / "fit.csv"):
         if (directory / "frf.csv").exists():    # a fit of frequency responses alone
             import plot_frf
             yield from plot_frf.pictures(directory, chosen)
