@@ -54,7 +54,7 @@ def from_variables(variables):
 
 
 def collect(name, value, channels, known):
-    """Sorts a value, and what is in it, into channels and what is known of them."""
+    """Adds the series in a value to `channels`, and its single numbers and texts to `known`."""
     import numpy as np
     if isinstance(value, dict):
         for key, one in value.items():

@@ -9,6 +9,7 @@ module beamid_benchmarks
    use beamid_files, only: read_text
    use beamid_kinds, only: ip
    use beamid_lines, only: add_lines, csv_row, split
+   use beamid_modes, only: natural_frequencies
    use beamid_numbers, only: parse_number
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
@@ -116,13 +117,8 @@ contains
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: omega(:)
       type(error_t), allocatable, intent(out) :: error
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      real(wp), allocatable :: shapes(:, :)
 
-      galerkin = galerkin_of(case%meshes(1), case%model%structure)
-      equations = new_equations(galerkin, case%model%structure, new_pulse(0.0_wp, 1.0_wp))
-      call undamped_modes(equations, omega, shapes, error)
+      call natural_frequencies(case%model%structure, case%meshes(1), omega, error)
       if (.not. allocated(error)) omega = pack(omega, omega > 0)
    end subroutine find_modes
 

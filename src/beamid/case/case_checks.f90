@@ -10,7 +10,7 @@ module beamid_case_checks
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_parameters, only: name_of_parameter, parameters
-   use beamid_records, only: window_t
+   use beamid_records, only: are_in_time, window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
@@ -59,9 +59,9 @@ contains
       end do
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
-      if (.not. (all([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))]) .or. &
-         is_exact(case%model%solver))) call refuse(case%path, 0, 'integrator method', &
-         '''cvode'' beside a record that is not a function of time', '''modal''', error)
+      if (.not. (are_in_time(case%recordings) .or. is_exact(case%model%solver))) call refuse( &
+         case%path, 0, 'integrator method', '''cvode'' beside a record that is not a function '// &
+         'of time', '''modal''', error)
       if (any(case%excitations%modes > 0) .and. .not. is_exact(case%model%solver)) call refuse( &
          case%path, 0, 'integrator method', '''cvode'' beside kind=''free'' in &excitation', &
          '''modal'', which computes the modes', error)
@@ -140,9 +140,6 @@ contains
          error)
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
-      if (.not. (all([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))]) .or. &
-         is_exact(case%model%solver))) call refuse(case%path, 0, 'integrator method', &
-         '''cvode'' beside a record that is not a function of time', '''modal''', error)
       if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', &
          '''free''', 'a force, a release or a base that is known', error)
       do k = 1, size(case%recordings)

@@ -3,21 +3,22 @@
 module beamid_modes
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_bands, only: band_t
-   use beamid_equations, only: equations_t
+   use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_galerkin, only: galerkin_t, slope_band
+   use beamid_excitation, only: new_pulse
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, slope_band
    use beamid_internal_forces, only: strain_energy
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal
    use beamid_splines, only: spline_space_t
-   use beamid_structure, only: deflection, root, rotation
+   use beamid_structure, only: deflection, root, rotation, structure_t
    use beamid_structure_checks, only: check_axial_load
    use beamid_variations, only: variations_t
    implicit none
    private
 
-   public :: undamped_modes, beam_modes_t, bare_beam_modes
+   public :: natural_frequencies, undamped_modes, beam_modes_t, bare_beam_modes
 
    !> Message for a structure that buckles under its load.
    character(len=*), parameter, public :: buckled = 'axial force and weight buckle the beam, '// &
@@ -64,6 +65,25 @@ module beamid_modes
    end interface
 
 contains
+
+   !> Computes the undamped natural angular frequencies of a structure on a mesh.
+   !>
+   !> omega  (n) ascending; 0 for motions as a rigid body [1/time]
+   !> error  as of `undamped_modes`
+   !> fixed  as of `galerkin_of`
+   subroutine natural_frequencies(structure, mesh, omega, error, fixed)
+      type(structure_t), intent(in) :: structure
+      type(mesh_t), intent(in) :: mesh
+      real(wp), allocatable, intent(out) :: omega(:)
+      type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: fixed
+      type(galerkin_t), target :: galerkin
+      real(wp), allocatable :: shapes(:, :)
+
+      galerkin = galerkin_of(mesh, structure, fixed)
+      call undamped_modes(new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp)), omega, &
+         shapes, error)
+   end subroutine natural_frequencies
 
    !> Computes the undamped natural modes of a structure, K x = omega**2 M x, by LAPACK for band
    !> matrices.

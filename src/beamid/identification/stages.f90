@@ -10,7 +10,7 @@ module beamid_stages
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_parameters, only: as_named, offset
-   use beamid_peak_starts, only: has_frequency_data, start_from_peaks
+   use beamid_peak_starts, only: start_from_peaks
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, trial_t
@@ -62,10 +62,10 @@ contains
       ! A field along the beam always starts from the spectral lines of the record (smooth_fits).
       if (stage%automatic .and. size(stage%free) > 0 .and. .not. any(is_coefficient( &
          stage%free))) then
-         if (has_frequency_data(problem)) then
-            call start_from_peaks(problem, tried, options, error)
-         else
+         if (problem%is_all_time()) then
             call automatic_start(problem, tried, options, findings, error)
+         else
+            call start_from_peaks(problem, tried, options, error)
          end if
       end if
       if (allocated(error)) return
@@ -147,6 +147,7 @@ contains
       integer, allocatable :: rows(:)
       logical, allocatable :: ordered(:)   ! not allocated: all rows are
       integer :: a, n
+      logical :: enough
 
       do a = 1, fields
          if (.not. found%strength(a) > 0) cycle
@@ -169,9 +170,10 @@ contains
       n = size(found%free)
       associate (q => found%quantities)
          scales = q%scale
-         if (problem%rows() - size(q) >= merge(0, 1, problem%knows_noise()) .and. &
-            problem%samples() >= merge(1, size(q) + 1, problem%knows_noise())) &
-            call new_statistics(found%jacobian, found%fit%residual, &
+         ! Noise that is known need not be estimated from degrees of freedom.
+         enough = problem%samples() > size(q)
+         if (problem%knows_noise()) enough = problem%rows() >= size(q)
+         if (enough) call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
             problem%first_rows(), q%record == 0, ordered, problem%knows_noise())

@@ -24,7 +24,7 @@ module beamid_verdicts
    !> How well a fit explains one record.
    type :: quality_t
       integer :: samples = 0          !< number of samples, lines or modes
-      character(len=7) :: noun = 'samples'   !< which of them
+      character(len=5) :: kind = 'time'   !< kind of the record, as in the case file
       real(wp) :: rms_signal = 0      !< rms of the record about its mean [length/time**2]
       real(wp) :: rms_residual = 0    !< rms of the residuals [length/time**2]
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
@@ -173,11 +173,11 @@ contains
       integer :: m
 
       associate (observed => experiment%observed)
-         quality%noun = observed%noun()
+         quality%kind = observed%kind()
          m = size(observed%plain(experiment%measured))
          quality%samples = m
-         if (observed%noun() == 'lines') quality%samples = m/2
-         ! The rows are divided by their noise, which is 1 row in plain units.
+         if (quality%kind == 'frf') quality%samples = m/2   ! a line has two rows
+         ! `plain` multiplies each row by its noise, so that rows of 1 become the noise.
          total_weight = norm2(1/observed%plain(spread(1.0_wp, 1, size(residual))))
          quality%rms_signal = norm2(experiment%measured(:m))/total_weight
          quality%rms_residual = norm2(residual(:m))/total_weight

@@ -134,7 +134,6 @@ contains
          allocate (record)
          record%sampling = new_sampling(observation, experiment%samples)
          record%has_offset = .true.
-         record%in_time = .true.
          call move_alloc(record, observed)
       end if
       observed%measured = experiment%measured

@@ -103,7 +103,7 @@ contains
       row = 0
       do i = 1, size(self%parts)
          associate (m => size(self%parts(i)%observed%measured))
-            are_ordered(row + 1:row + m) = self%parts(i)%observed%in_time
+            are_ordered(row + 1:row + m) = self%parts(i)%observed%kind() == 'time'
             row = row + m
          end associate
       end do
@@ -114,7 +114,7 @@ contains
       class(fit_setup_t), intent(in) :: self
       integer :: i
 
-      is_all_time = all([(self%parts(i)%observed%in_time, i=1, size(self%parts))])
+      is_all_time = all([(self%parts(i)%observed%kind() == 'time', i=1, size(self%parts))])
    end function is_all_time
 
    !> Returns whether the noise of all data is known before the fit.

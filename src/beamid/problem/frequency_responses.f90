@@ -39,9 +39,10 @@ module beamid_frequency_responses
       procedure :: sequence
       procedure :: plain
       procedure :: take
-      procedure :: noun
+      procedure :: kind
       procedure :: description
       procedure :: values
+      procedure :: lines_of
    end type frequency_response_t
 
 contains
@@ -58,11 +59,9 @@ contains
    pure subroutine take(self, values)
       class(frequency_response_t), intent(inout) :: self
       real(wp), intent(in) :: values(:)
-      integer :: n
 
-      n = size(self%h)
       self%measured = values
-      self%h = cmplx(values(:n), values(n + 1:), wp)*self%noise
+      self%h = self%lines_of(values)
    end subroutine take
 
    !> Returns real and imaginary parts without the division by the noise.
@@ -74,13 +73,24 @@ contains
       plain = [self%noise, self%noise]*r
    end function plain
 
-   !> Returns the word for a row pair, for reports.
-   pure function noun(self)
+   !> Returns 'frf'.
+   pure function kind(self)
       class(frequency_response_t), intent(in) :: self
-      character(len=7) :: noun
+      character(len=5) :: kind
 
-      noun = trim(merge('line ', 'lines', size(self%h) == 1))
-   end function noun
+      kind = 'frf'
+   end function kind
+
+   !> Returns the complex values (n) of rows (2 n), without the division by the noise.
+   pure function lines_of(self, rows) result(lines)
+      class(frequency_response_t), intent(in) :: self
+      real(wp), intent(in) :: rows(:)
+      complex(wp) :: lines(size(self%noise))
+
+      associate (n => size(self%noise))
+         lines = cmplx(rows(:n), rows(n + 1:), wp)*self%noise
+      end associate
+   end function lines_of
 
    !> Returns a description of the lines and of their noise.
    function description(self) result(text)
@@ -88,8 +98,9 @@ contains
       character(len=:), allocatable :: text
 
       associate (n => size(self%frequency))
-         text = to_text(n)//' '//trim(self%noun())//' of '//trim(quantities(self%power))// &
-            ', f = '//to_text(self%frequency(1))//' to '//to_text(self%frequency(n))
+         text = to_text(n)//trim(merge(' line ', ' lines', n == 1))//' of '// &
+            trim(quantities(self%power))//', f = '//to_text(self%frequency(1))//' to '// &
+            to_text(self%frequency(n))
       end associate
       if (self%noise_is_known) then
          text = text//', with known noise'

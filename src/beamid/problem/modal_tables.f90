@@ -32,7 +32,7 @@ module beamid_modal_tables
       procedure :: sequence
       procedure :: plain
       procedure :: take
-      procedure :: noun
+      procedure :: kind
       procedure :: description
       procedure :: values
    end type modal_table_t
@@ -69,13 +69,13 @@ contains
       plain = self%sd_frequency*r(:size(self%mode))
    end function plain
 
-   !> Returns the word for a row, for reports.
-   pure function noun(self)
+   !> Returns 'modes'.
+   pure function kind(self)
       class(modal_table_t), intent(in) :: self
-      character(len=7) :: noun
+      character(len=5) :: kind
 
-      noun = trim(merge('mode ', 'modes', size(self%mode) == 1))
-   end function noun
+      kind = 'modes'
+   end function kind
 
    !> Returns a description of the table.
    function description(self) result(text)

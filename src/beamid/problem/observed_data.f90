@@ -31,7 +31,7 @@ module beamid_observed_data
    end type seen_modes_t
 
    !> The measured values of an experiment. `prepare_experiment` sets all components except
-   !> `has_offset`, `in_time` and `noise_is_known`.
+   !> `has_offset` and `noise_is_known`.
    type, abstract :: observed_data_t
       real(wp), allocatable :: measured(:)   !< (m) measured values [unit of the data]
       !> standard deviation of the noise, which is white [unit of the data]; not allocated: unknown
@@ -43,7 +43,6 @@ module beamid_observed_data
       !> whether the noise of every value is known before the fit, by averages or repetitions, so
       !> that the residuals need not show it
       logical :: noise_is_known = .false.
-      logical :: in_time = .false.   !< the values are those of a time record
       !> whether the sensor may have an unknown offset
       logical :: has_offset = .false.
    contains
@@ -52,7 +51,7 @@ module beamid_observed_data
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
       procedure :: take => take_values
-      procedure :: noun => samples_noun
+      procedure :: kind => another_kind
       procedure :: description => describe_values
       procedure :: keep_beginning => keep_all
    end type observed_data_t
@@ -136,21 +135,20 @@ contains
       self%measured = values
    end subroutine take_values
 
-   !> Returns what a record of this kind consists of, for reports.
-   pure function samples_noun(self) result(noun)
+   !> Returns the kind of the data, as in a case file: 'time', 'frf', 'modes'; or 'other'.
+   pure function another_kind(self) result(kind)
       class(observed_data_t), intent(in) :: self
-      character(len=7) :: noun
+      character(len=5) :: kind
 
-      noun = 'samples'
-      if (size(self%times()) == 0) noun = 'values'
-   end function samples_noun
+      kind = 'other'
+   end function another_kind
 
    !> Returns a description of the data, for reports.
    function describe_values(self) result(text)
       class(observed_data_t), intent(in) :: self
       character(len=:), allocatable :: text
 
-      text = to_text(size(self%measured))//' '//trim(self%noun())
+      text = to_text(size(self%measured))//' values'
    end function describe_values
 
    !> Keeps the first part of a record; data that are not a function of time stay as they are.

@@ -27,6 +27,7 @@ module beamid_time_records
    contains
       procedure :: evaluate
       procedure :: times => record_times
+      procedure :: kind
       procedure :: keep_beginning
       procedure, private :: free_motion
    end type time_record_t
@@ -40,6 +41,14 @@ contains
 
       times = self%sampling%sample_times
    end function record_times
+
+   !> Returns 'time'.
+   pure function kind(self)
+      class(time_record_t), intent(in) :: self
+      character(len=5) :: kind
+
+      kind = 'time'
+   end function kind
 
    !> Keeps the first part of the record.
    !>

@@ -123,11 +123,10 @@ contains
       integer :: j, k, n
 
       n = size(observed%h)
-      residual = -cmplx(fit%residual(first + 1:first + n), &
-         fit%residual(first + n + 1:first + 2*n), wp)*observed%noise
+      residual = -observed%lines_of(fit%residual(first + 1:first + 2*n))
       do k = 1, size(fit%free)
-         slopes(:, k) = cmplx(fit%jacobian(first + 1:first + n, k), &
-            fit%jacobian(first + n + 1:first + 2*n, k), wp)*observed%noise/fit%weight(record)
+         slopes(:, k) = observed%lines_of(fit%jacobian(first + 1:first + 2*n, k)) &
+            /fit%weight(record)
       end do
       band = band_of_magnitude(fit, observed%h - residual, slopes)
       do j = 1, n

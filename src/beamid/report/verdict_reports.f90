@@ -10,7 +10,7 @@ module beamid_verdict_reports
    use beamid_strings, only: full, to_text
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: text_t
-   use beamid_verdicts, only: verdict_t
+   use beamid_verdicts, only: quality_t, verdict_t
    implicit none
    private
 
@@ -40,7 +40,7 @@ contains
          'rejected; this fit starts from the spectral lines of the records')
       if (fit%note /= '') call text%line(fit%note)
       call add_prior_conflicts(text, fit)
-      if (all(fit%scenario%excitations%modes > 0) .or. any(verdict%qualities%noun /= 'samples')) &
+      if (all(fit%scenario%excitations%modes > 0) .or. any(verdict%qualities%kind /= 'time')) &
          call add_far_values(text, case%model%structure, fit)
       call add_assumptions(text, case%units, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
@@ -63,10 +63,10 @@ contains
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
             line = unit
-            if (q%noun /= 'samples') line = ''
-            call text%line('record '//to_text(k)//': '//to_text(q%samples)//' '//trim(q%noun)// &
-               ', signal '//to_text(q%rms_signal)//' rms, residual '//to_text(q%rms_residual)// &
-               ' rms'//line//filled(': fit #.2 %', [q%fit_percent]))
+            if (q%kind /= 'time') line = ''
+            call text%line('record '//to_text(k)//': '//counted(q)//', signal '// &
+               to_text(q%rms_signal)//' rms, residual '//to_text(q%rms_residual)//' rms'//line// &
+               filled(': fit #.2 %', [q%fit_percent]))
             if (q%is_exact) call text%line('record '//to_text(k)//' has no noise: its '// &
                'residuals are errors of computation')
          end associate
@@ -90,23 +90,34 @@ contains
       content = text%content()
    end function verdict_summary
 
+   !> Returns the number of samples, lines or modes of a record, with the noun.
+   function counted(quality) result(text)
+      type(quality_t), intent(in) :: quality
+      character(len=:), allocatable :: text
+
+      select case (quality%kind)
+      case ('frf'); text = ' line'
+      case ('modes'); text = ' mode'
+      case default; text = ' sample'
+      end select
+      if (quality%samples /= 1 .or. quality%kind == 'time') text = text//'s'
+      text = to_text(quality%samples)//text
+   end function counted
+
    !> Adds quality.csv and modes_seen.csv.
    subroutine add_verdict_tables(output, verdict)
       type(output_t), intent(inout) :: output
       type(verdict_t), intent(in) :: verdict
       type(text_t) :: quality, seen
-      character(len=:), allocatable :: kind, peak
+      character(len=:), allocatable :: peak
       integer :: k
 
       call quality%line('record,samples,rms_signal,rms_residual,fit_percent,noise_sd,'// &
          'effective_samples,kind')
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
-            kind = 'time'
-            if (q%noun(:4) == 'line') kind = 'frf'
-            if (q%noun(:4) == 'mode') kind = 'modes'
             call quality%line(csv_row(to_text(k)//','//to_text(q%samples), [q%rms_signal, &
-               q%rms_residual, q%fit_percent, q%noise_sd, q%effective])//','//kind)
+               q%rms_residual, q%fit_percent, q%noise_sd, q%effective])//','//trim(q%kind))
          end associate
       end do
       call seen%line('record,mode,model_hz,peak_hz,energy_share,verdict')

@@ -5,7 +5,6 @@
 !> a sharp resonance are not. What the tables do not determine stays near the expected values.
 module beamid_peak_starts
    use beamid_errors, only: error_t
-   use beamid_fit_setups, only: set_free
    use beamid_frequency_responses, only: frequency_response_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
@@ -15,130 +14,160 @@ module beamid_peak_starts
    use beamid_priors, only: prior_t
    use beamid_residuals, only: residual_t
    use beamid_response_peaks, only: find_peaks, peak_t
-   use beamid_unknowns, only: quantity_t, scenario_t, stage_t, variables_of
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
    private
 
-   public :: has_frequency_data, start_from_peaks
+   public :: fit_to_modes, start_from_peaks
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
-
-   !> Returns whether any record is a frequency response or a table of modes.
-   pure logical function has_frequency_data(problem)
-      type(residual_t), intent(in) :: problem
-      integer :: r
-
-      has_frequency_data = any([((.not. problem%parts(r)%observed%in_time), &
-         r=1, size(problem%parts))])
-   end function has_frequency_data
 
    !> Finds start values for a stage, and puts them into the scenario of the fit: first from the
    !> modes that the records show, then from all records that are not functions of time. A step that
    !> fails leaves the start values as they are.
    !>
    !> problem  the fit, with the free parameters of the stage
-   !> error    interrupted; start values that are not allowed
+   !> stage    on return without start values, because the scenario has them
+   !> error    start values that are not allowed
    subroutine start_from_peaks(problem, stage, options, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(inout) :: stage
       type(options_t), intent(in) :: options
       type(error_t), allocatable, intent(out) :: error
-      type(residual_t) :: reduced
-      type(variable_t), allocatable :: variables(:)
-      type(quantity_t), allocatable :: quantities(:)
-      type(scenario_t) :: given
+      type(residual_t) :: reduced, from_case
+      logical, allocatable :: is_in_time(:)
       integer :: r
 
-      call variables_of(stage, problem%scenario, variables, quantities, error)
+      call place_starts(problem, stage, error)
       if (allocated(error)) return
-      problem%scenario = problem%with([variables%start])
-      given = problem%scenario
-      if (allocated(stage%start)) deallocate (stage%start)
+      from_case = problem
+      call fit_to_modes(problem, stage, options, error)
+      if (allocated(error)) return
+      is_in_time = [(problem%parts(r)%observed%kind() == 'time', r=1, size(problem%parts))]
+      if (any(is_in_time)) then
+         reduced = problem
+         do r = 1, size(problem%parts)
+            if (is_in_time(r)) call leave_out(reduced, r)
+         end do
+         call improve(problem, reduced, stage, options)
+      end if
+      call reconsider(problem, from_case, stage, options)
+   end subroutine start_from_peaks
+
+   !> Fits the modes that the records show, and puts the estimates into the scenario of a fit. Signs
+   !> and units of frequency responses do not matter for that.
+   !>
+   !> problem, stage, error  as of `start_from_peaks`
+   subroutine fit_to_modes(problem, stage, options, error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(inout) :: stage
+      type(options_t), intent(in) :: options
+      type(error_t), allocatable, intent(out) :: error
+      type(residual_t) :: reduced
+      integer :: r
+
+      call place_starts(problem, stage, error)
+      if (allocated(error)) return
       reduced = problem
       do r = 1, size(problem%parts)
          call use_modes(reduced, r)
       end do
+      call improve(problem, reduced, stage, options)
+   end subroutine fit_to_modes
+
+   !> Moves the start values of a stage, if it has any, into the scenario of the fit.
+   subroutine place_starts(problem, stage, error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(inout) :: stage
+      type(error_t), allocatable, intent(out) :: error
+      type(variable_t), allocatable :: variables(:)
+      type(quantity_t), allocatable :: quantities(:)
+
+      call variables_of(stage, problem%scenario, variables, quantities, error)
+      if (allocated(error)) return
+      problem%scenario = problem%with([variables%start])
+      if (allocated(stage%start)) deallocate (stage%start)
+   end subroutine place_starts
+
+   !> Replaces the start values of a fit by the estimates of a reduced fit, with the expected values
+   !> of the parameters, if that fit converges.
+   subroutine improve(problem, reduced, stage, options)
+      type(residual_t), intent(inout) :: problem, reduced
+      type(stage_t), intent(in) :: stage
+      type(options_t), intent(in) :: options
+      real(wp) :: J
+
       call add_beliefs(reduced)
       call reduced%guess_noise()
-      call improve(reduced)
-      if (any([(problem%parts(r)%observed%in_time, r=1, size(problem%parts))])) then
-         reduced = problem
-         do r = 1, size(problem%parts)
-            if (problem%parts(r)%observed%in_time) call leave_out(reduced, r)
-         end do
-         call add_beliefs(reduced)
-         call reduced%guess_noise()
-         call improve(reduced)
-      end if
-      call reconsider()
+      call search(reduced, stage, options, J)
+      if (J < huge(J)) problem%scenario = problem%with(values_of(reduced))
+   end subroutine improve
 
-   contains
+   !> Compares the values of the case with the start values from the peaks, because peaks mislead if
+   !> the lines do not resolve them. If the values of the case explain the records better, all
+   !> records are fitted from both, and the start values become the estimates of the first fit if it
+   !> ends with the lower J.
+   !>
+   !> problem    with the start values from the peaks
+   !> from_case  the same fit with the values of the case
+   subroutine reconsider(problem, from_case, stage, options)
+      type(residual_t), intent(inout) :: problem, from_case
+      type(stage_t), intent(in) :: stage
+      type(options_t), intent(in) :: options
+      type(residual_t) :: from_peaks
+      real(wp) :: J_case, J_peaks
 
-      !> Takes the result of a fit from the values of the case instead of those from the peaks, if
-      !> the former explain the records better, before and after a fit. Peaks mislead if the lines
-      !> do not resolve them.
-      subroutine reconsider()
-         type(residual_t) :: trial(2)
-         real(wp) :: misfit(2)
-         integer :: k
+      from_peaks = problem
+      call from_case%guess_noise()
+      call from_peaks%guess_noise()
+      call find_misfit(from_case, J_case)
+      call find_misfit(from_peaks, J_peaks)
+      if (.not. J_case < J_peaks) return
+      call search(from_case, stage, options, J_case)
+      call search(from_peaks, stage, options, J_peaks)
+      if (J_case < J_peaks) problem%scenario = from_case%scenario
+   end subroutine reconsider
 
-         trial = problem
-         trial(1)%scenario = given
-         do k = 1, 2
-            call trial(k)%guess_noise()
-            call search(trial(k), 1, misfit(k))
-         end do
-         if (.not. misfit(1) < misfit(2)) return
-         do k = 1, 2
-            call search(trial(k), 200, misfit(k))
-         end do
-         if (misfit(1) < misfit(2)) problem%scenario = trial(1)%scenario
-      end subroutine reconsider
+   !> Computes the sum of squares at the values of the scenario; huge if that fails.
+   subroutine find_misfit(problem, J)
+      type(residual_t), intent(inout) :: problem
+      real(wp), intent(out) :: J
+      type(error_t), allocatable :: failed
+      real(wp) :: r(problem%rows())
 
-      !> Replaces the start values by the result of a reduced fit, if it converges.
-      subroutine improve(reduced)
-         type(residual_t), intent(inout) :: reduced
-         real(wp) :: misfit
+      J = huge(J)
+      call problem%residuals(values_of(problem), r, failed)
+      if (.not. allocated(failed)) J = sum(r**2)
+   end subroutine find_misfit
 
-         reduced%scenario = with_motions_of(reduced%scenario, problem%with(values_of(problem)))
-         call search(reduced, 200, misfit)
-         if (misfit < huge(misfit)) problem%scenario = problem%with(values_of(reduced))
-      end subroutine improve
+   !> Fits from the values of the scenario, and puts the estimates into it.
+   !>
+   !> J  sum of squares; huge if the fit fails
+   subroutine search(problem, stage, options, J)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(in) :: stage
+      type(options_t), intent(in) :: options
+      real(wp), intent(out) :: J
+      type(variable_t), allocatable :: variables(:)
+      type(quantity_t), allocatable :: quantities(:)
+      type(error_t), allocatable :: failed
+      type(options_t) :: quick
+      type(fit_t) :: found
 
-      !> Fits from the values of the scenario, and puts the estimates into it.
-      !>
-      !> evaluations  largest number; 1: none but that of the misfit
-      !> misfit       sum of squares; huge if the fit fails
-      subroutine search(trial, evaluations, misfit)
-         type(residual_t), intent(inout) :: trial
-         integer, intent(in) :: evaluations
-         real(wp), intent(out) :: misfit
-         type(error_t), allocatable :: failed
-         type(options_t) :: quick
-         type(fit_t) :: found
-         real(wp) :: r(trial%rows())
-
-         misfit = huge(misfit)
-         call variables_of(stage, trial%scenario, variables, quantities, failed)
-         if (allocated(failed)) return
-         if (evaluations == 1) then
-            call trial%residuals([variables%start], r, failed)
-            if (.not. allocated(failed)) misfit = sum(r**2)
-            return
-         end if
-         quick = options
-         quick%check = .false.
-         quick%max_evaluations = evaluations
-         call fit(trial, trial%rows(), variables, quick, found, failed)
-         if (allocated(failed)) return
-         misfit = found%J
-         trial%scenario = trial%with(found%estimate)
-      end subroutine search
-
-   end subroutine start_from_peaks
+      J = huge(J)
+      call variables_of(stage, problem%scenario, variables, quantities, failed)
+      if (allocated(failed)) return
+      quick = options
+      quick%check = .false.
+      quick%max_evaluations = 200
+      call fit(problem, problem%rows(), variables, quick, found, failed)
+      if (allocated(failed)) return
+      J = found%J
+      problem%scenario = problem%with(found%estimate)
+   end subroutine search
 
    !> Returns the values of the free parameters (n) in the scenario of a fit.
    function values_of(problem) result(values)
@@ -148,14 +177,6 @@ contains
 
       values = [(problem%scenario%get(problem%free(k), problem%record(k)), k=1, size(values))]
    end function values_of
-
-   !> Returns a scenario with the structures of another one, and its own excitations.
-   pure type(scenario_t) function with_motions_of(scenario, other) result(mixed)
-      type(scenario_t), intent(in) :: scenario, other
-
-      mixed = scenario
-      mixed%structures = other%structures
-   end function with_motions_of
 
    !> Replaces record r by a table of the modes that it shows; leaves a time record out.
    subroutine use_modes(problem, r)

@@ -22,7 +22,7 @@ contains
    !>
    !> A line is a peak if its magnitude exceeds that of both valleys beside it by far more than the
    !> noise. Near a resonance h = a/(i omega - s) up to a slowly varying part, so that 1/h is linear
-   !> in omega; the straight line through the values of 1/h around the peak, weighted by |h|**2, has
+   !> in omega; the straight line through the values of 1/h around the peak, weighted by |h|**4, has
    !> its zero at the root s.
    !>
    !> frequency  (n) ascending [1/time]
@@ -42,7 +42,7 @@ contains
       real(wp), parameter :: clear = 10, least_share = 0.3_wp
       !> Two peaks whose frequencies differ by a smaller share are one.
       real(wp), parameter :: same = 0.03_wp
-      type(peak_t), allocatable :: all(:)
+      type(peak_t), allocatable :: candidates(:)
       type(peak_t) :: peak
       real(wp) :: magnitude(size(h)), level(size(h)), prominence
       integer :: k, n
@@ -53,20 +53,21 @@ contains
       ! Second differences of a smooth response are small; those of noise have 6 times its variance.
       if (.not. is_known .and. n > 4) level = median(abs(h(3:) - 2*h(2:n - 1) + h(:n - 2))) &
          /sqrt(6.0_wp)
-      allocate (all(0))
+      allocate (candidates(0))
       do k = 2, n - 1
          if (magnitude(k) < magnitude(k - 1) .or. magnitude(k) <= magnitude(k + 1)) cycle
          prominence = magnitude(k) - max(valley(magnitude, k, -1), valley(magnitude, k, 1))
          if (prominence < max(clear*level(k), least_share*magnitude(k))) cycle
          peak = peak_at(k)
-         if (peak%damping > 0) all = [all, peak]
+         if (peak%damping > 0) candidates = [candidates, peak]
       end do
       allocate (peaks(0))
-      do while (size(peaks) < most .and. size(all) > 0)
-         k = maxloc(all%size, dim=1)
+      do while (size(peaks) < most .and. size(candidates) > 0)
+         k = maxloc(candidates%size, dim=1)
          ! Noise splits a broad resonance into several peaks.
-         if (.not. any(abs(log(peaks%frequency/all(k)%frequency)) < same)) peaks = [peaks, all(k)]
-         all = [all(:k - 1), all(k + 1:)]
+         if (.not. any(abs(log(peaks%frequency/candidates(k)%frequency)) < same)) &
+            peaks = [peaks, candidates(k)]
+         candidates = [candidates(:k - 1), candidates(k + 1:)]
       end do
 
    contains

@@ -16,7 +16,7 @@ module beamid_cases
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
-   use beamid_records, only: columns_t, grid, load_recording, note_length, recording_t
+   use beamid_records, only: are_in_time, columns_t, grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_unknowns, only: stage_t
@@ -125,12 +125,10 @@ contains
       subroutine set_default_start(first)
          type(stage_t), intent(inout) :: first
 
-         integer :: k
 
          if (allocated(first%start) .or. first%declared .or. case%multistart%n > 0) return
          first%automatic = first%automatic .or. size(case%excitations) > 0 .and. &
-            all(case%excitations%modes > 0) .or. any([(case%recordings(k)%kind /= 'time', &
-            k=1, size(case%recordings))])
+            all(case%excitations%modes > 0) .or. .not. are_in_time(case%recordings)
       end subroutine set_default_start
 
    end subroutine read_groups
@@ -196,7 +194,7 @@ contains
       character(len=note_length), allocatable :: sentences(:)
       integer, allocatable :: motions(:)
       character(len=7) :: noun
-      integer :: i, k, linear, total, unknowns
+      integer :: k, linear, total, unknowns
 
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
@@ -230,8 +228,7 @@ contains
       do k = 1, size(case%stages)
          unknowns = size(case%stages(k)%free) + linear &
             + merge(size(experiments), 0, case%stages(k)%offset)
-         noun = merge('samples', 'values ', all([(size(experiments(i)%samples) > 0, &
-            i=1, size(experiments))]))
+         noun = merge('samples', 'values ', are_in_time(case%recordings))
          if (unknowns > total) call refuse(case%path, case%stage_lines(k), 'stage free', &
             to_text(unknowns)//' unknowns for '//to_text(total)//' '//trim(noun), &
             'no more unknowns than '//trim(noun), error)

@@ -20,7 +20,7 @@ module beamid_ensembles
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_observed_data, only: seen_modes_t
    use beamid_parameters, only: as_named
-   use beamid_records, only: note_length
+   use beamid_records, only: are_in_time, note_length
    use beamid_refusals, only: refuse
    use beamid_responses, only: work_t
    use beamid_structure, only: yielding
@@ -80,7 +80,7 @@ contains
          if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &
             0, 'excitation kind', '''free''', 'a known excitation, to simulate records', error)
          if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0 &
-            .and. all([(case%recordings(i)%kind == 'time', i=1, size(case%recordings))])) &
+            .and. are_in_time(case%recordings)) &
             call refuse(case%path, case%ensemble%line, 'ensemble', 'neither &draw nor &noise', &
             'one of them, so that the members differ', error)
          if (.not. allocated(error)) call load_experiments(maker%case, maker%experiments, notes, &
@@ -245,7 +245,8 @@ contains
          if (allocated(error)) return
       end if
       seed = seed_of(self%case%ensemble%seed, 2_ip*k + 1)
-      noise = gaussian_noise(size(z), self%case%noise_sd, seed)
+      noise = 0*z
+      if (self%case%noise_sd > 0) noise = gaussian_noise(size(z), self%case%noise_sd, seed)
       if (any([(experiments(i)%has_known_noise(), i=1, size(experiments))])) &
          unit = gaussian_noise(size(z), 1.0_wp, seed)
       first = 0

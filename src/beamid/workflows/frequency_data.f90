@@ -1,17 +1,14 @@
 !> Loads records that are not functions of time: frequency responses and tables of modes.
 module beamid_frequency_data
    use beamid_case_files, only: case_t
-   use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t
-   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_frequency_responses, only: frequency_response_t, variance_from_coherence
    use beamid_frequency_tables, only: frequency_table_t, modal_rows_t, read_frequency_table, &
       read_modal_rows
-   use beamid_galerkin, only: galerkin_of, galerkin_t
    use beamid_kinds, only: wp
    use beamid_modal_tables, only: assign_modes, modal_table_t
-   use beamid_modes, only: undamped_modes
+   use beamid_modes, only: natural_frequencies
    use beamid_records, only: add_note, frequency_keys_t, note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_strings, only: rounded, to_text
@@ -273,14 +270,10 @@ contains
       type(experiment_t), intent(in) :: experiment
       real(wp), allocatable, intent(out) :: frequencies(:)
       type(error_t), allocatable, intent(out) :: error
-      type(galerkin_t), target :: galerkin
-      real(wp), allocatable :: omega(:), shapes(:, :)
+      real(wp), allocatable :: omega(:)
 
-      associate (mesh => case%meshes(minloc(case%meshes%elements, dim=1)))
-         galerkin = galerkin_of(mesh, experiment%structure_of(case%model%structure), fixed=.true.)
-         call undamped_modes(new_equations(galerkin, experiment%structure_of( &
-            case%model%structure), new_pulse(0.0_wp, 1.0_wp)), omega, shapes, error)
-      end associate
+      call natural_frequencies(experiment%structure_of(case%model%structure), &
+         case%meshes(minloc(case%meshes%elements, dim=1)), omega, error, fixed=.true.)
       if (allocated(error)) return
       omega = pack(omega, omega > 0)
       frequencies = omega(:max(1, size(omega)/2))/two_pi

@@ -15,7 +15,7 @@ module beamid_frequency_runs
    use beamid_observed_data, only: meshed_model_t
    use beamid_records, only: note_length, recording_t
    use beamid_refusals, only: refuse
-   use beamid_responses, only: work_t
+   use beamid_responses, only: prepare_for, work_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: structure_t
    implicit none
@@ -40,8 +40,8 @@ module beamid_frequency_runs
 
 contains
 
-   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf', and
-   !> loads the records if the case can be fitted.
+   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf'
+   !> without a file, or else with one, and loads the records if the case can be fitted.
    !>
    !> error  no such record, or no frequencies
    subroutine prepare_responses(case, found, error)
@@ -49,16 +49,15 @@ contains
       type(case_response_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       type(recording_t) :: recording
+      logical, allocatable :: is_response(:), has_file(:)
       integer :: k, place
 
       call check_needs(case, needs_modes, error)
       if (allocated(error)) return
-      place = findloc([(case%recordings(k)%kind == 'frf', k=1, size(case%recordings))], .true., &
-         dim=1)
-      do k = size(case%recordings), 1, -1
-         if (case%recordings(k)%kind == 'frf' .and. .not. allocated(case%recordings(k)%path)) &
-            place = k
-      end do
+      is_response = [(case%recordings(k)%kind == 'frf', k=1, size(case%recordings))]
+      has_file = [(allocated(case%recordings(k)%path), k=1, size(case%recordings))]
+      place = findloc(is_response .and. .not. has_file, .true., dim=1)
+      if (place == 0) place = findloc(is_response, .true., dim=1)
       if (place == 0) then
          call refuse(case%path, 0, 'record', 'no group with kind=''frf''', 'one, with f_first, '// &
             'f_last and f_step, or with the file of a measured response', error)
@@ -80,8 +79,7 @@ contains
             'f_first, f_last and f_step, or a &stage', error)
          return
       end if
-      k = count([(allocated(case%recordings(k)%path), k=1, place)])
-      select type (observed => found%experiments(k)%observed)
+      select type (observed => found%experiments(count(has_file(:place)))%observed)
       type is (frequency_response_t)
          found%frequency = observed%frequency
       end select
@@ -148,25 +146,24 @@ contains
       type(stage_fit_t), intent(in), optional :: fit
       real(wp), intent(out), optional :: band(:, :)
       type(meshed_model_t), target :: model
-      type(modal_t) :: solver
       type(structure_t) :: placed
       type(work_t) :: work
       integer, allocatable :: free(:)
-      complex(wp), allocatable :: all(:, :)
+      complex(wp), allocatable :: response(:, :)
 
       placed = found%experiment%structure_of(structure)
       model%galerkin = galerkin_of(mesh, placed)
-      call solver%prepare(model%galerkin, error)
+      allocate (modal_t :: model%solver)
+      call prepare_for(model%galerkin, model%solver, error)
       if (allocated(error)) return
-      allocate (model%solver, source=solver)
       free = [integer ::]
       if (present(fit)) free = fit%free
-      allocate (all(size(h), 0:size(free)))
+      allocate (response(size(h), 0:size(free)))
       call predict_response(model, placed, found%experiment%excitation, found%power, found%rate, &
-         found%frequency, free, all, work, error)
+         found%frequency, free, response, work, error)
       if (allocated(error)) return
-      h = all(:, 0)
-      if (present(fit)) band = band_of_magnitude(fit, h, all(:, 1:))
+      h = response(:, 0)
+      if (present(fit)) band = band_of_magnitude(fit, h, response(:, 1:))
    end subroutine compute_one
 
    !> Returns the ends of the 95 % interval of the magnitude of a frequency response, from the

@@ -5,13 +5,11 @@
 !> of the force.
 module beamid_input_checks
    use beamid_case_files, only: case_t
-   use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t
-   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
+   use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
-   use beamid_modes, only: undamped_modes
+   use beamid_modes, only: natural_frequencies
    use beamid_onsets, only: onset
    use beamid_records, only: add_note, note_length
    use beamid_sorting, only: median
@@ -296,14 +294,10 @@ contains
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: modes
       real(wp), allocatable, intent(out) :: frequencies(:)
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
       type(error_t), allocatable :: error
-      real(wp), allocatable :: omega(:), shapes(:, :)
+      real(wp), allocatable :: omega(:)
 
-      galerkin = galerkin_of(mesh_t(elements=max(8, 2*modes)), structure)
-      equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
-      call undamped_modes(equations, omega, shapes, error)
+      call natural_frequencies(structure, mesh_t(elements=max(8, 2*modes)), omega, error)
       if (allocated(error)) return
       if (size(omega) < modes) return
       frequencies = omega(:modes)/two_pi
