@@ -26,6 +26,8 @@ program test_frequency_fits
       call test_quantities()
       call test_sensors()
       call test_conjugate()
+      call test_sign()
+      call test_units()
       call test_windows()
       call test_one_frequency()
       call test_two_frequencies()
@@ -205,6 +207,51 @@ contains
       answer = identified(beam()//at_F//', file=''exact.csv'' /'//nl//all_four)
       call check('no note without need', index(answer%out, 'conjugated') == 0, answer%out)
    end subroutine test_conjugate
+
+   !> A response of the opposite sign is negated, with a note, and gives the true values.
+   subroutine test_sign()
+      type(answer_t) :: answer
+
+      answer = identified(beam(1.2_wp, 0.8_wp, 1.2_wp)//at_F// &
+         ', file=''exact.csv'', scale=-1 /'//nl//all_four)
+      call check_true('negated response', answer)
+      call check('  the note', index(answer%out, 'negated') > 0, answer%out)
+      answer = identified(beam()//at_F//', file=''exact.csv'' /'//nl//all_four)
+      call check('no note on signs without need', index(answer%out, 'negated') == 0, answer%out)
+   end subroutine test_sign
+
+   !> A response in another unit, another quantity and frequencies in rad/s are refused with the
+   !> likely cause, also from starts that are 20 % off.
+   subroutine test_units()
+      character(len=*), parameter :: keys(6) = [character(len=22) :: 'scale=1000', 'scale=-1000', &
+         'scale=0.101972', 'scale=0.001', 'quantity=''mobility''', 'quantity=''receptance'''], &
+         causes(6) = [character(len=22) :: 'mm', 'mm', 'multiples of g', 'per kN', 'accelerance', &
+         'accelerance']
+      character(len=:), allocatable :: table, text
+      integer :: k
+
+      do k = 1, size(keys)
+         call refused_start(at_F//', file=''exact.csv'', '//trim(keys(k)), trim(causes(k)))
+      end do
+      table = read_file('exact.csv')
+      text = 'frequency_hz,real,imag'//nl
+      do k = 1, line_count(table) - 1
+         text = text//to_text(2*acos(-1.0_wp)*number(field(table, k, 2)))//','// &
+            field(table, k, 3)//','//field(table, k, 4)//nl
+      end do
+      call write_file('radians.csv', text)
+      call refused_start(at_F//', file=''radians.csv''', 'rad/s')
+   end subroutine test_units
+
+   !> Expects that `identify` refuses a record, from starts that are 20 % off, and names the cause.
+   subroutine refused_start(record, cause)
+      character(len=*), intent(in) :: record, cause
+      type(answer_t) :: answer
+
+      answer = identified(beam(1.2_wp, 0.8_wp, 1.2_wp)//record//' /'//nl//all_four)
+      call check('refused: '//record, answer%status == 2 .and. index(answer%err, cause) > 0, &
+         answer%err)
+   end subroutine refused_start
 
    !> Returns a number with the other sign.
    pure function negative(text)

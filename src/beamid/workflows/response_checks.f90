@@ -2,7 +2,7 @@
 !> likely cause of a gross difference: a sign, a unit, another quantity, decibels, radians.
 module beamid_response_checks
    use beamid_case_files, only: case_t
-   use beamid_errors, only: bad_input, error_t
+   use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_frequency_responses, only: frequency_response_t, quantities
@@ -12,7 +12,7 @@ module beamid_response_checks
    use beamid_linear_unknowns, only: linear_t
    use beamid_modal_tables, only: assign_modes, modal_table_t
    use beamid_observed_data, only: seen_modes_t
-   use beamid_peak_starts, only: start_from_peaks
+   use beamid_peak_starts, only: fit_to_modes
    use beamid_records, only: add_note, note_length
    use beamid_refusals, only: refuse
    use beamid_residuals, only: new_residuals, residual_t
@@ -26,22 +26,19 @@ module beamid_response_checks
 
    public :: check_responses
 
-   !> What a measured response may be instead of the declared one: the response of the model times a
-   !> factor and a power of s.
+   !> A unit that a measured response may have instead of that of the case.
    type :: hypothesis_t
-      real(wp) :: factor = 1
-      integer :: powers = 0           !< of s, added to those of the declared quantity
-      character(len=88) :: cause = ''
+      real(wp) :: factor = 1          !< of the response, if it has this unit
+      character(len=72) :: cause = ''
    end type hypothesis_t
 
    real(wp), parameter :: g = 9.80665_wp, two_pi = 2*acos(-1.0_wp)
    type(hypothesis_t), parameter :: hypotheses(*) = [ &
-      hypothesis_t(1/g, 0, 'the accelerations look like multiples of g; expected scale=9.80665'), &
-      hypothesis_t(g, 0, 'the force looks like one in kgf; expected scale=0.101972'), &
-      hypothesis_t(1e3_wp, 0, 'the motion looks like one in mm; expected scale=0.001'), &
-      hypothesis_t(1e-3_wp, 0, 'the force looks like one in mN, or the response like one per '// &
-      'kN; expected scale=1000'), &
-      hypothesis_t(1e6_wp, 0, 'the motion looks like one in micrometres; expected scale=1e-6')]
+      hypothesis_t(1/g, 'the accelerations look like multiples of g'), &
+      hypothesis_t(g, 'the force looks like one in kgf'), &
+      hypothesis_t(1e3_wp, 'the motion looks like one in mm'), &
+      hypothesis_t(1e-3_wp, 'the force looks like one in mN, or the response like one per kN'), &
+      hypothesis_t(1e6_wp, 'the motion looks like one in micrometres')]
 
 contains
 
@@ -75,7 +72,7 @@ contains
          experiments, problem, failed, [(case%stages(k)%free, k=1, size(case%stages))])
       if (allocated(failed)) return
       call set_free(problem, stage)
-      call start_from_peaks(problem, stage, options, failed)
+      call fit_to_modes(problem, stage, options, failed)
       if (allocated(failed)) return
       do r = 1, size(experiments)
          if (is_response(experiments(r))) call check_response(case, r, problem, experiments(r), &
@@ -89,11 +86,7 @@ contains
       type(experiment_t), intent(in) :: experiment
 
       is_response = .false.
-      if (.not. allocated(experiment%observed)) return
-      select type (observed => experiment%observed)
-      type is (frequency_response_t)
-         is_response = .true.
-      end select
+      if (allocated(experiment%observed)) is_response = experiment%observed%kind() == 'frf'
    end function is_response
 
    !> Compares the resonances of a record with the natural frequencies of the model.
@@ -150,7 +143,7 @@ contains
          'reciprocal of the unit of time (Hz)', error)
    end subroutine check_frequencies
 
-   !> Compares one response with that of the model at the start values.
+   !> Compares one response with that of the model that has the modes of the records.
    subroutine check_response(case, r, problem, experiment, notes, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: r
@@ -159,16 +152,16 @@ contains
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp), allocatable :: model(:)
-      character(len=:), allocatable :: cause
+      character(len=:), allocatable :: cause, remedy
       real(wp) :: least
 
       call response_of_model(problem, r, model)
       if (.not. allocated(model)) return
       select type (observed => experiment%observed)
       type is (frequency_response_t)
-         ! The start values explain the response well enough if it is one of the model at all.
-         least = min(0.5_wp, distance(observed%h, model)/2)
-         if (distance(-observed%h, model) < least) then
+         ! A model with the right modes explains the response well enough, if signs and units agree.
+         least = min(0.5_wp, distance(observed%h, model, observed%noise)/2)
+         if (distance(-observed%h, model, observed%noise) < least) then
             observed%h = -observed%h
             experiment%measured = observed%values()
             call add_note(notes, 'record '//to_text(r)//': the response has the opposite sign '// &
@@ -176,11 +169,11 @@ contains
                'sensor')
             return
          end if
-         call find_cause(observed, model, least, cause)
+         call find_cause(observed, model, case%recordings(r)%scale, least, cause, remedy)
          if (cause /= '') call refuse(case%path, case%recordings(r)%line, 'record file', &
-            'a response that differs grossly from that of the model, rms '// &
-            rounded(norm2(abs(observed%h))/sqrt(real(size(model), wp)), 3)//' instead of '// &
-            rounded(norm2(abs(model))/sqrt(real(size(model), wp)), 3), cause, error)
+            'a response of '//rounded(norm2(abs(observed%h))/sqrt(real(size(model), wp)), 3)// &
+            ' rms where the model has '//rounded(norm2(abs(model))/sqrt(real(size(model), wp)), &
+            3)//': '//cause, remedy, error)
       end select
    end subroutine check_response
 
@@ -196,7 +189,6 @@ contains
       type(linear_t) :: linear
       type(seen_modes_t) :: seen
       real(wp), allocatable :: y(:), none(:, :)
-      integer :: n
 
       allocate (y(size(problem%parts(r)%observed%measured)))
       allocate (none(size(y), 0))
@@ -204,72 +196,74 @@ contains
          problem%scenario%excitations(r), .false., [integer ::], y, none, linear, problem%work, &
          failed, seen)
       if (allocated(failed)) return
-      n = size(y)/2
       select type (observed => problem%parts(r)%observed)
       type is (frequency_response_t)
-         model = cmplx(y(:n) + observed%measured(:n), y(n + 1:) + observed%measured(n + 1:), wp) &
-            *observed%noise
+         model = observed%lines_of(y + observed%measured)
       end select
    end subroutine response_of_model
 
    !> Finds the hypothesis that brings measured and computed response nearest to each other.
    !>
+   !> scale    factor by which the values of the file have been multiplied
    !> nearest  distance that a hypothesis must undercut
-   !> cause    in words, with what is expected instead; '': none
-   subroutine find_cause(observed, model, nearest, cause)
+   !> cause    in words; '': none
+   !> remedy   what is expected instead
+   subroutine find_cause(observed, model, scale, nearest, cause, remedy)
       type(frequency_response_t), intent(in) :: observed
       complex(wp), intent(in) :: model(:)
-      real(wp), intent(in) :: nearest
-      character(len=:), allocatable, intent(out) :: cause
-      complex(wp) :: s(size(model)), other(size(model))
+      real(wp), intent(in) :: scale, nearest
+      character(len=:), allocatable, intent(out) :: cause, remedy
+      complex(wp) :: s(size(model)), direction(size(model))
       real(wp) :: least, phase(size(model))
       integer :: j, k, sign
 
       cause = ''
+      remedy = ''
       least = nearest
       s = cmplx(observed%rate, two_pi*observed%frequency, wp)
-      do k = 1, size(hypotheses)
-         do sign = -1, 1, 2
-            call try(sign*hypotheses(k)%factor*model, trim(hypotheses(k)%cause))
+      do sign = -1, 1, 2
+         do k = 1, size(hypotheses)
+            call try(observed%h, sign*hypotheses(k)%factor*model, trim(hypotheses(k)%cause), &
+               'scale='//rounded(scale/hypotheses(k)%factor, 6))
+         end do
+         do j = 0, 2
+            if (j /= observed%power) call try(observed%h, sign*s**(j - observed%power)*model, &
+               'it looks like '//trim(quantities(j)), 'quantity='''//trim(quantities(j))//'''')
          end do
       end do
-      do j = 0, 2
-         if (j == observed%power) cycle
-         do sign = -1, 1, 2
-            call try(sign*s**(j - observed%power)*model, 'it looks like '// &
-               'quantity='''//trim(quantities(j))//'''')
-         end do
-      end do
-      if (all(abs(observed%h) < 600)) then
-         phase = atan2(aimag(observed%h), real(observed%h))
-         other = 10**(abs(observed%h)/20)*exp(cmplx(0.0_wp, phase, wp))
-         if (distance(other, model) < least) cause = &
-            'the magnitudes look like decibels; expected magnitude = 10^(dB/20)'
-         other = abs(observed%h)*exp(cmplx(0.0_wp, 360/two_pi*phase, wp))
-         if (distance(other, model) < least) cause = &
-            'the phases look like radians; expected degrees'
-      end if
+      ! No magnitude is larger than 600 dB, which keeps the power below from an overflow.
+      if (any(abs(observed%h) > 600)) return
+      phase = atan2(aimag(observed%h), real(observed%h))
+      direction = exp(cmplx(0.0_wp, phase, wp))
+      call try(10**(abs(observed%h)/20)*direction, model, 'the magnitudes look like decibels', &
+         'magnitude = 10^(dB/20)')
+      direction = exp(cmplx(0.0_wp, 360/two_pi*phase, wp))
+      call try(abs(observed%h)*direction, model, 'the phases look like radians', 'degrees')
 
    contains
 
-      subroutine try(response, words)
-         complex(wp), intent(in) :: response(:)
-         character(len=*), intent(in) :: words
+      !> Takes a hypothesis if it brings two responses nearer to each other than all before.
+      subroutine try(measured, computed, words, expected)
+         complex(wp), intent(in) :: measured(:), computed(:)
+         character(len=*), intent(in) :: words, expected
          real(wp) :: found
 
-         found = distance(observed%h, response)
+         found = distance(measured, computed, observed%noise)
          if (.not. found < least) return
          least = found
          cause = words
+         remedy = expected
       end subroutine try
 
    end subroutine find_cause
 
-   !> Returns the distance of two responses relative to the first.
-   pure real(wp) function distance(h, other)
+   !> Returns the distance of two responses relative to the first, in units of the noise, so that
+   !> lines without information do not count.
+   pure real(wp) function distance(h, other, noise)
       complex(wp), intent(in) :: h(:), other(:)
+      real(wp), intent(in) :: noise(:)
 
-      distance = norm2(abs(h - other))/max(norm2(abs(h)), tiny(distance))
+      distance = norm2(abs(h - other)/noise)/max(norm2(abs(h)/noise), tiny(distance))
    end function distance
 
 end module beamid_response_checks
