@@ -31,6 +31,7 @@ module beamid_entries
       procedure :: line_of
       procedure :: require
       procedure :: exclude
+      procedure :: exclude_other_kinds
       procedure :: refuse
       procedure :: complain
       procedure, private :: find_values
@@ -186,6 +187,22 @@ contains
 
       if (self%has(name)) call self%refuse(name, 'a value', 'none '//beside)
    end subroutine exclude
+
+   !> Adds a problem for each key that has no meaning for the kind of the group.
+   !>
+   !> kind   value of the key `kind`
+   !> keys   (n) keys that belong to certain kinds only
+   !> kinds  (n) these kinds, separated by blanks
+   subroutine exclude_other_kinds(self, kind, keys, kinds)
+      class(entries_t), intent(inout) :: self
+      character(len=*), intent(in) :: kind, keys(:), kinds(:)
+      integer :: k
+
+      do k = 1, size(keys)
+         if (index(kinds(k), trim(kind)) == 0) call self%exclude(trim(keys(k)), &
+            'with kind = '''//trim(kind)//'''')
+      end do
+   end subroutine exclude_other_kinds
 
    !> Adds a problem: what was found as the value of a key, and what was expected.
    subroutine refuse(self, name, found, expected)

@@ -142,12 +142,8 @@ contains
          kinds(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
          'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
          'release', 'free', 'pulse table release']
-      integer :: k
 
-      do k = 1, size(keys)
-         if (index(kinds(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
-            kind//'''')
-      end do
+      call block%exclude_other_kinds(kind, keys, kinds)
    end subroutine exclude_keys_of_other_kinds
 
    !> Refuses a table with the same force in every row, which no thruster or hammer produces. A

@@ -120,12 +120,8 @@ contains
          kinds(24) = [character(len=8) :: 'time', 'time', 'time', 'time frf', 'time', 'time', &
          'time', 'time', 'time', 'time', 'time', 'time frf', 'time frf', 'time frf', 'time', &
          'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf']
-      integer :: k
 
-      do k = 1, size(keys)
-         if (index(kinds(k), trim(kind)) == 0) call block%exclude(trim(keys(k)), &
-            'with kind = '''//trim(kind)//'''')
-      end do
+      call block%exclude_other_kinds(kind, keys, kinds)
    end subroutine exclude_keys_of_other_kinds
 
    !> Gets the keys that describe the columns of a table.
