@@ -98,7 +98,7 @@ contains
 
       needs_unit = key%kind == kind_real .and. all(group//' '//trim(key%name) /= &
          [character(len=22) :: 'along depth', 'excitation power', 'integrator rtol', &
-         'multistart spread', 'design target', 'record coherence_least'])
+         'beam eta', 'multistart spread', 'design target', 'record coherence_least'])
    end function needs_unit
 
    !> Every parameter that a fit may estimate; those of a dip or of a table need them in the case.

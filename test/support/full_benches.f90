@@ -63,7 +63,8 @@ contains
    end subroutine bench_motion
 
    !> Displacement of the sensor per unit force, and its reading of gravity, at places in the
-   !> complex plane: (s**2 M + s C + K) q = F by elimination, with the forces of rigid supports.
+   !> complex plane above the real axis: (s**2 M + s C + K + i eta K_E) q = F by elimination, where
+   !> K_E is the part of K that is due to E, with the forces of rigid supports.
    !>
    !> structure, near  as in `bench_motion`
    !> s                (points) [1/time]
@@ -87,6 +88,9 @@ contains
          z = cmplx(s(i), kind=qp)
          full = 0
          full(:n, :n) = (z*M + C)*z + K
+         full(:galerkin%space%n, :galerkin%space%n) = full(:galerkin%space%n, :galerkin%space%n) &
+            + cmplx(0, structure%eta, qp)*structure%E*structure%I*(galerkin%space%length &
+            /real(structure%length, qp))**3*dense_of(galerkin%bending)
          full(:n, n + 1:) = held
          full(n + 1:, :n) = transpose(held)
          x = 0

@@ -9,12 +9,12 @@ module beamid_case_checks
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: name_of_parameter, parameters
+   use beamid_parameters, only: amplitude, name_of_parameter, parameters
    use beamid_records, only: are_in_time, window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_g, of_T, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_eta, of_g, of_T, of_x_F, structure_t
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -40,11 +40,11 @@ contains
 
       call check_elements(case, needs, error)
       if (needs == needs_nothing .or. needs == needs_modes .or. allocated(error)) return
-      if (size(case%excitations) == 0 .and. (needs /= needs_fit .or. any([(case%recordings(k)%kind &
-         == 'time', k=1, size(case%recordings))]))) call refuse(case%path, 0, 'excitation', &
-         'no such group', 'one', error)
+      if (size(case%excitations) == 0 .and. (needs /= needs_fit .or. any_in_time(case))) &
+         call refuse(case%path, 0, 'excitation', 'no such group', 'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
+      call check_loss(case, error)
       if (allocated(error)) return
       if (needs == needs_response) then
          call check_response(case, error)
@@ -53,6 +53,7 @@ contains
          call check_design(case, error)
          return
       end if
+      call check_kinds(case, error)
       do k = 1, size(case%recordings)
          if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
             case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
@@ -173,6 +174,50 @@ contains
             '2 beside a free parameter of the sensor', '1', error)
       end associate
    end subroutine check_design
+
+   !> Refuses structural damping beside a response in time, for which it is not defined.
+   subroutine check_loss(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=*), parameter :: expected = 'records of the kinds ''frf'' and ''modes'' '// &
+         'alone: a loss factor is not causal'
+      integer :: k
+
+      if (.not. any_in_time(case)) return
+      if (case%model%structure%eta > 0) call refuse(case%path, 0, 'beam eta', &
+         to_text(case%model%structure%eta)//' beside a response in time', expected, error)
+      do k = 1, size(case%stages)
+         if (any(case%stages(k)%free == of_eta)) call refuse(case%path, case%stage_lines(k), &
+            'stage free', '''eta'' beside a record in time', expected, error)
+      end do
+   end subroutine check_loss
+
+   !> Refuses free parameters that only a record in time depends on, beside other records alone.
+   subroutine check_kinds(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=*), parameter :: lacking = 'without a record in time', &
+         expected = 'such a record, or a list without it'
+      integer :: k
+
+      if (any_in_time(case)) return
+      do k = 1, size(case%stages)
+         associate (stage => case%stages(k), line => case%stage_lines(k))
+            if (stage%offset) call refuse(case%path, line, 'stage free', '''offset'' '//lacking, &
+               expected, error)
+            if (any(stage%free == amplitude)) call refuse(case%path, line, 'stage free', &
+               '''amplitude'' '//lacking, expected, error)
+         end associate
+      end do
+   end subroutine check_kinds
+
+   !> Returns whether any record is a function of time.
+   pure logical function any_in_time(case)
+      type(case_t), intent(in) :: case
+      integer :: k
+
+      any_in_time = any([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))])
+   end function any_in_time
 
    !> Returns the candidate experiments of a case; takes the noise and the parameters of interest
    !> from the rest of the case if &design does not give them.

@@ -48,6 +48,7 @@ module beamid_key_examples
       key_example_t('beam', 'c_D', beam//', c_D=2e6'), &
       key_example_t('beam', 'rho', beam), &
       key_example_t('beam', 'gamma', beam//', gamma=0.05'), &
+      key_example_t('beam', 'eta', beam//', eta=0.01'), &
       key_example_t('beam', 'k_R', beam//', k_R=50'), &
       key_example_t('beam', 'c_R', beam//', k_R=50, c_R=0.01'), &
       key_example_t('beam', 'length', beam), &

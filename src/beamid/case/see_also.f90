@@ -72,6 +72,7 @@ module beamid_see_also
       related_t('beam', 'E', 'coefficients along'), &
       related_t('beam', 'c_D', 'gamma coefficients along'), &
       related_t('beam', 'gamma', 'c_D'), &
+      related_t('beam', 'eta', 'c_D kind'), &
       related_t('beam', 'k_R', 'c_R end support'), &
       related_t('beam', 'c_R', 'k_R end'), &
       related_t('end', 'k_w', 'c_w kind'), &

@@ -13,6 +13,10 @@
 !> spring to the ground: there it is the compliance, and H contains 1 + s c/k, so that the spring
 !> may be rigid (compliance 0).
 !>
+!> Structural damping gives the stiffness an imaginary part, i L, which is also diagonal:
+!> D_i = m_i s**2 + c_i s + k_i + i l_i. This holds for Im s > 0; for Im s < 0 the sign of L is the
+!> opposite one.
+!>
 !> Terms that couple all oscillators of the beam (axial force, weight, properties that vary along
 !> the beam) are kept apart in a full matrix E(s), the component `dense`.
 !>
@@ -27,8 +31,8 @@ module beamid_assembly
    use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
    use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, inertia, &
       is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, of_damping, of_load, &
-      of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, sensor_value, &
-      strengths_and_slopes, stretch, tip_slope, tip_value, weight
+      of_loss, of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, &
+      sensor_value, strengths_and_slopes, stretch, tip_slope, tip_value, weight
    implicit none
    private
 
@@ -37,6 +41,7 @@ module beamid_assembly
    !> Coefficients of the polynomials D(s) and H(s); H without the couplings of the hoses.
    type :: pencil_t
       real(wp), allocatable :: m(:), c(:), k(:)              !< (n) of s**2, s and 1 in D
+      real(wp), allocatable :: l(:)                          !< (n) of i in D
       real(wp), allocatable :: hm(:, :), hc(:, :), hk(:, :)  !< (r, r) the same in H, symmetric
    end type pencil_t
 
@@ -70,8 +75,8 @@ module beamid_assembly
       integer :: beam = 0   !< number of modes of the bare beam; these oscillators come first
       type(pencil_t) :: pencil      !< D and H
       type(hose_row_t), allocatable :: hose(:)   !< (hoses) the hoses
-      !> (beam, beam, 2) E in C and K, and (beam, beam, 2, parameters) its slopes; not allocated: no
-      !> term couples all oscillators
+      !> (beam, beam, 3) E in C, K and L, and (beam, beam, 3, parameters) its slopes; not allocated:
+      !> no term couples all oscillators
       real(wp), allocatable :: dense(:, :, :), dense_slope(:, :, :, :)
       real(wp), allocatable :: v(:, :)         !< (r, n) V; column i belongs to oscillator i
       !> (n, r) transpose of V, and (n, r (r + 1)/2) products of its rows k <= l, in the column with
@@ -105,9 +110,9 @@ module beamid_assembly
       logical :: feels_base = .false.
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< numbers of the parameters of the slopes
-      !> operators of M, C and K that depend on a parameter
+      !> operators of M, C, K and L that depend on a parameter
       integer, allocatable :: changing(:)
-      !> (3, changing, parameters) slopes of their coefficients in M, C and K
+      !> (4, changing, parameters) slopes of their coefficients in M, C, K and L
       real(wp), allocatable :: change(:, :, :)
       !> (changing, parameters) whether any of these slopes is not 0
       logical, allocatable :: acts(:, :)
@@ -128,7 +133,7 @@ module beamid_assembly
    contains
       procedure :: is_dense, form_at, distance_from_accumulation, is_bare, is_undamped, roots, &
          load_at, load_rows, couplings, coupling, mass_couplings, products
-      procedure :: traces, system_derivative, system_derivative_by_s, dense_products, &
+      procedure :: set_loss, traces, system_derivative, system_derivative_by_s, dense_products, &
          full_matrices, load_change
    end type assembly_t
 
@@ -185,15 +190,13 @@ contains
       self%pencil = new_pencil(self, modes)
       used = used .and. (operators(:size(used))%derivative < 0 .or. self%row > 0)
       self%changing = pack([(i, i=1, size(used))], used)
-      allocate (self%change(3, size(self%changing), size(parameters)))
+      allocate (self%change(of_loss, size(self%changing), size(parameters)))
       do p = 1, size(parameters)
-         self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_stiffness, p))
+         self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_loss, p))
       end do
       call set_load(self, modes, slopes, applied)
       allocate (self%pole(self%n, 2))
-      do i = 1, self%n
-         self%pole(i, :) = quadratic(self%pencil%m(i), self%pencil%c(i), self%pencil%k(i))
-      end do
+      call set_poles(self)
       call set_springs(self, modes, slopes)
       self%acts = any(abs(self%change) > 0, dim=1)
       call set_dense(self, modes, slopes, whole)
@@ -420,8 +423,8 @@ contains
       needed = allocated(modes%damping_remainder) .or. has_field(self) .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
-      allocate (self%dense(self%beam, self%beam, 2), &
-         self%dense_slope(self%beam, self%beam, 2, size(self%parameters)), source=0.0_wp)
+      allocate (self%dense(self%beam, self%beam, 3), &
+         self%dense_slope(self%beam, self%beam, 3, size(self%parameters)), source=0.0_wp)
       if (allocated(modes%damping_remainder)) then
          do j = 1, 2
             k = merge(inertia, bending, j == 1)
@@ -446,7 +449,7 @@ contains
 
    !> Adds a matrix to E, and to the slopes of E.
    !>
-   !> j       1: to E in C, 2: to E in K
+   !> j       1: to E in C, 2: in K, 3: in L
    !> matrix  (beam, beam)
    !> s, s_p  coefficient of the matrix, and (parameters) its slopes
    pure subroutine add_dense(self, j, matrix, s, s_p)
@@ -478,21 +481,20 @@ contains
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
-      integer, parameter :: matrix(2) = [of_damping, of_stiffness]
+      integer, parameter :: matrix(3) = [of_damping, of_stiffness, of_loss]
       real(wp) :: factor(size(modes%bent), 2)
       real(wp) :: slope(2, size(self%parameters), size(modes%bent))
       integer :: j, k, p, q
 
-      ! The functions return stiffness first and viscosity second; `matrix` has them in reverse
-      ! order.
+      ! The functions return stiffness first, which the loss follows, and viscosity second.
       do q = 1, size(modes%bent)
          factor(q, :) = self%structure%factors(modes%bent(q)) - 1
          slope(:, :, q) = self%structure%factor_slopes(modes%bent(q), self%parameters)
       end do
-      do j = 1, 2
-         k = 3 - j
+      do j = 1, size(matrix)
+         k = merge(2, 1, matrix(j) == of_damping)
          associate (s => self%strength(bending, matrix(j)))
-            if (.not. s > 0) cycle
+            if (.not. (s > 0 .or. any(abs(slopes(bending, matrix(j), :)) > 0))) cycle
             if (any(abs(factor(:, k)) > 0)) call add_dense(self, j, &
                modes%bending_products(modes%known(:, k)*factor(:, k)), s, &
                slopes(bending, matrix(j), :))
@@ -730,7 +732,7 @@ contains
 
    end subroutine traces
 
-   !> Returns the sum of s**2 M_p + s C_p + K_p over the operators: z'Q_p x or tr Q**-1 Q_p.
+   !> Returns the sum of s**2 M_p + s C_p + K_p + i L_p over the operators: z'Q_p x or tr Q**-1 Q_p.
    !>
    !> q  (changing) from `products` or `traces`
    !> s  [1/time]
@@ -745,7 +747,7 @@ contains
       do i = 1, size(q)
          if (.not. self%acts(i, p)) cycle
          value = value + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
-            + self%change(3, i, p))*q(i)
+            + cmplx(self%change(3, i, p), self%change(4, i, p), wp))*q(i)
       end do
    end function system_derivative
 
@@ -763,7 +765,7 @@ contains
       end do
    end function system_derivative_by_s
 
-   !> Returns z'E_p x for the matrices of E in C and K; 0 if the assembly is not dense.
+   !> Returns z'E_p x for the matrices of E in C and K + i L; 0 if the assembly is not dense.
    !>
    !> x, z  (n) two motions of the oscillators
    !> p     index among the parameters of the slopes
@@ -771,16 +773,19 @@ contains
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: x(:), z(:)
       integer, intent(in) :: p
-      complex(wp) :: q(2)
+      complex(wp) :: q(2), by_matrix(3)
       integer :: j
 
       q = 0
       if (.not. self%is_dense()) return
+      by_matrix = 0
       associate (b => self%beam, slope => self%dense_slope(:, :, :, p))
-         do j = 1, 2
-            if (any(abs(slope(:, :, j)) > 0)) q(j) = sum(z(:b)*matmul(slope(:, :, j), x(:b)))
+         do j = 1, 3
+            if (any(abs(slope(:, :, j)) > 0)) by_matrix(j) = sum(z(:b)*matmul(slope(:, :, j), &
+               x(:b)))
          end do
       end associate
+      q = [by_matrix(1), by_matrix(2) + (0, 1)*by_matrix(3)]
    end function dense_products
 
    !> Computes M, C and K of the oscillators as full matrices.
@@ -872,6 +877,33 @@ contains
       roots = 2*(self%n - count(self%rigid))
    end function roots
 
+   !> Sets the structural damping to a share of that of another assembly of the same beam.
+   pure subroutine set_loss(self, whole, share)
+      class(assembly_t), intent(inout) :: self
+      type(assembly_t), intent(in) :: whole
+      real(wp), intent(in) :: share
+
+      self%pencil%l = share*whole%pencil%l
+      if (self%is_dense()) self%dense(:, :, 3) = share*whole%dense(:, :, 3)
+      call set_poles(self)
+   end subroutine set_loss
+
+   !> Computes the roots of all D_i.
+   pure subroutine set_poles(self)
+      class(assembly_t), intent(inout) :: self
+      integer :: i
+
+      associate (p => self%pencil)
+         do i = 1, self%n
+            if (p%l(i) > 0) then
+               self%pole(i, :) = lossy_poles(p%m(i), p%c(i), cmplx(p%k(i), p%l(i), wp))
+            else
+               self%pole(i, :) = quadratic(p%m(i), p%c(i), p%k(i))
+            end if
+         end do
+      end associate
+   end subroutine set_poles
+
    !> Returns D, and H without the couplings of the hoses.
    pure function new_pencil(self, modes) result(p)
       type(assembly_t), intent(in) :: self
@@ -881,6 +913,8 @@ contains
 
       r = size(self%v, 1)
       allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%hm(r, r), p%hc(r, r), p%hk(r, r))
+      allocate (p%l(self%n), source=0.0_wp)
+      p%l(:self%beam) = self%strength(bending, of_loss)*modes%mu
       call sum_terms(self, modes, of_mass, p%m, p%hm)
       call sum_terms(self, modes, of_damping, p%c, p%hc)
       call sum_terms(self, modes, of_stiffness, p%k, p%hk)
@@ -1004,6 +1038,20 @@ contains
       end if
    end function quadratic
 
+   !> Returns both roots of m s**2 + c s + k without cancellation, the one with Im s > 0 first;
+   !> m > 0, c >= 0, Im k > 0.
+   pure function lossy_poles(m, c, k) result(roots)
+      real(wp), intent(in) :: m, c
+      complex(wp), intent(in) :: k
+      complex(wp) :: roots(2)
+      real(wp) :: half
+
+      half = c/(2*m)
+      ! The principal square root has a real part >= 0 and, because Im k > 0, an imaginary part < 0.
+      roots(1) = -(half + sqrt(half**2 - k/m))
+      roots(2) = k/(m*roots(1))
+   end function lossy_poles
+
    !> Returns the form that is more accurate at s [1/time]: bit h - 1 is set if hose h is described
    !> by y - u(x_H).
    pure integer function form_at(self, s) result(form)
@@ -1044,11 +1092,12 @@ contains
       end associate
    end function is_bare
 
-   !> Returns whether C is 0.
+   !> Returns whether C and L are 0.
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 
-      is_undamped = .not. (any(abs(self%pencil%c) > 0) .or. any(abs(self%pencil%hc) > 0))
+      is_undamped = .not. (any(abs(self%pencil%c) > 0) .or. any(abs(self%pencil%hc) > 0) .or. &
+         any(self%pencil%l > 0))
       if (self%is_dense()) is_undamped = is_undamped .and. .not. any(abs(self%dense(:, :, 1)) > 0)
    end function is_undamped
 

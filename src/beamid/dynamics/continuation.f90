@@ -6,13 +6,15 @@
 !> requires anyway, therefore gives the Newton step.
 module beamid_continuation
    use beamid_assembly, only: assembly_t
+   use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
    use beamid_systems, only: find_eigenvector, improve_root
    use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: follow_roots, follow, coincides, with_conjugates, conjugate_of
+   public :: follow_roots, follow, follow_loss, coincides, with_conjugates, conjugate_of
 
    !> Largest number of steps; from a fair prediction, quadratic convergence takes three or four.
    integer, parameter :: most_steps = 8
@@ -130,6 +132,70 @@ contains
       followed = followed .and. abs(vector%A) > 2*least_A*abs(root%s)*vector%inertia
       if (.not. is_real) followed = followed .and. aimag(root%s) > 1e-3_wp*abs(root%s)
    end subroutine follow
+
+   !> Follows a root of the structure without structural damping to that of the structure with it.
+   !> The damping grows in steps that become smaller where Newton's method ends elsewhere than the
+   !> derivative of the root predicts: at another root, for example.
+   !>
+   !> assembly  of the structure with structural damping
+   !> root      in: without it, Im s > 0; out: with it
+   !> vector    vector of the root
+   !> error     the root was not found
+   subroutine follow_loss(assembly, root, vector, error)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: root
+      type(vector_t), intent(inout) :: vector
+      type(error_t), allocatable, intent(out) :: error
+      !> Shortest step, and greatest difference from a prediction as a share of the change.
+      real(wp), parameter :: shortest = 1e-3_wp, greatest = 0.2_wp
+      type(assembly_t) :: partial
+      type(root_t) :: next
+      complex(wp) :: change
+      real(wp) :: share, step
+      logical :: followed
+
+      if (assembly%is_bare() .and. .not. assembly%is_dense()) then
+         ! The roots are the poles of the oscillators, which Newton's method reaches only nearly.
+         root = root_t(root%origin, root%origin, s=assembly%pole(root%origin, 1))
+         call find_vector(assembly, root, vector)
+         return
+      end if
+      partial = assembly
+      call partial%set_loss(assembly, 0.0_wp)
+      call find_eigenvector(partial, root, vector)
+      share = 0
+      step = 1
+      do while (share < 1 .and. step >= shortest)
+         change = -step*loss_product(assembly, vector)/vector%A
+         next = root_t(s=root%s + change)
+         call partial%set_loss(assembly, share + step)
+         call follow(partial, next, vector, followed)
+         if (followed) followed = abs(next%s - root%s - change) <= greatest*abs(change)
+         if (followed) then
+            root = next
+            share = share + step
+            step = min(2*step, 1 - share)
+         else
+            step = step/2
+            call partial%set_loss(assembly, share)
+            call find_eigenvector(partial, root, vector)
+         end if
+      end do
+      if (share < 1) call failure(error, 'modal: with eta = '//to_text(assembly%structure%eta)// &
+         ', the mode near |s| = '//to_text(abs(root%s))//' was not found')
+   end subroutine follow_loss
+
+   !> Returns i x'L x.
+   pure complex(wp) function loss_product(assembly, vector) result(value)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+
+      associate (x => vector%x, b => assembly%beam)
+         value = sum(assembly%pencil%l*x**2)
+         if (assembly%is_dense()) value = value + sum(x(:b)*matmul(assembly%dense(:, :, 3), x(:b)))
+      end associate
+      value = (0, 1)*value
+   end function loss_product
 
    !> Returns the conjugate root, stored relative to the conjugate pole.
    pure type(root_t) function conjugate_of(assembly, root)

@@ -6,6 +6,7 @@
 module beamid_modal
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, load_t, new_assembly
+   use beamid_continuation, only: coincides, follow_loss
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_pulse
@@ -14,12 +15,13 @@ module beamid_modal
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
-   use beamid_pole_derivatives, only: differentiate_poles
+   use beamid_pole_derivatives, only: differentiate_poles, differentiate_root
    use beamid_pole_search, only: find_poles
    use beamid_poles, only: find_residues, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
-   use beamid_structure_checks, only: check_axial_load
+   use beamid_structure_checks, only: check_axial_load, check_causal
    use beamid_synthesis, only: synthesize
    use beamid_terms, only: bending, of_stiffness, tilting
    use beamid_transfer_lines, only: transfer_along
@@ -46,7 +48,7 @@ module beamid_modal
       integer, allocatable, private :: rows(:)
    contains
       procedure :: prepare, motions, free_modes, lowest_roots, transfer
-      procedure, private :: solve, assemble_checked
+      procedure, private :: solve, add_loss, assemble_checked
    end type modal_t
 
 contains
@@ -78,7 +80,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: n
 
-      call self%solve(equations, excitation, parameters, work, error)
+      call check_causal(equations%structure, error)
+      if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error)
       if (allocated(error)) return
       n = count(which /= of_tilt)
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
@@ -138,7 +141,8 @@ contains
       end associate
    end function tilt_factor
 
-   !> Computes the poles of a structure and their derivatives, unless the last call computed them.
+   !> Computes the poles of a structure without structural damping and their derivatives, unless the
+   !> last call computed them.
    !>
    !> parameters  numbers of the parameters of the derivatives
    !> error       the solver is not prepared for this mesh, the beam buckles, or the search for the
@@ -151,11 +155,18 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: assembly
+      type(equations_t), allocatable :: elastic
 
-      call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
+      if (equations%structure%eta > 0) then
+         elastic = equations
+         elastic%structure%eta = 0
+         call self%assemble_checked(elastic, excitation, parameters, assembly, work, error)
+      else
+         call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
+      end if
       if (allocated(error)) return
-      if (.not. has_poles_of(self, equations%structure, excitation, assembly%row)) then
-         call update_poles(self, equations%structure, excitation, assembly, error)
+      if (.not. has_poles_of(self, assembly%structure, excitation, assembly%row)) then
+         call update_poles(self, assembly%structure, excitation, assembly, error)
          if (allocated(error)) return
       else if (size(self%poles%parameters) == size(parameters)) then
          ! If only the history of the force has changed, the derivatives remain valid.
@@ -166,6 +177,50 @@ contains
       assembly%sensor = assembly%tilt_row
       call differentiate_poles(assembly, self%tilt_poles)
    end subroutine solve
+
+   !> Adds structural damping to the poles of `solve`, for the lowest modes that oscillate.
+   !>
+   !> parameters  numbers of the parameters of the derivatives
+   !> wanted      number of modes
+   !> poles       `root`, `s` and `ds` of these modes with damping, no clusters, everything else
+   !>             without damping
+   !> error       a mode was not found, or two modes coincide
+   subroutine add_loss(self, equations, parameters, wanted, poles, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
+      integer, intent(in) :: parameters(:), wanted
+      type(poles_t), intent(out) :: poles
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(assembly_t) :: assembly
+      complex(wp), dimension(size(parameters)) :: ds, dr
+      logical, dimension(size(self%poles%s)) :: done, waiting
+      integer :: k, mode
+
+      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
+         error)
+      if (allocated(error)) return
+      poles = self%poles
+      ! With damping, each mode stands for itself.
+      poles%cluster = poles%cluster(:0)
+      done = .false.
+      waiting = aimag(poles%s) > 0
+      do mode = 1, min(wanted, count(waiting))
+         k = minloc(abs(self%poles%s), dim=1, mask=waiting)
+         waiting(k) = .false.
+         call follow_loss(assembly, poles%root(k), poles%vector(k), error)
+         if (allocated(error)) return
+         if (coincides(poles%root(k), poles%root, done)) then
+            call failure(error, 'modal: found two modes near |s| = '//to_text(abs(poles%s(k)))// &
+               ' that cannot be told apart, expected separate modes beside eta')
+            return
+         end if
+         done(k) = .true.
+         call differentiate_root(assembly, poles%root(k), poles%vector(k), ds, dr)
+         poles%s(k) = poles%root(k)%s
+         poles%ds(k, :) = ds
+      end do
+   end subroutine add_loss
 
    !> Assembles the equations of a structure in the modes of the mesh.
    !>
@@ -300,8 +355,16 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
 
+      type(poles_t) :: poles
+
       call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
-      if (.not. allocated(error)) call find_free_modes(self%poles, wanted, modes, error)
+      if (allocated(error)) return
+      if (equations%structure%eta > 0) then
+         call self%add_loss(equations, parameters, wanted, poles, work, error)
+         if (.not. allocated(error)) call find_free_modes(poles, wanted, modes, error)
+      else
+         call find_free_modes(self%poles, wanted, modes, error)
+      end if
    end subroutine free_modes
 
    !> Computes the lowest roots, one of each complex pair. Modes that oscillate come first; if there
@@ -323,15 +386,28 @@ contains
       logical, allocatable, intent(out) :: together(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      logical, allocatable :: waiting(:)
-      integer :: k, next
+      type(poles_t) :: poles
 
       call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
       if (allocated(error)) return
-      associate (poles => self%poles)
+      if (equations%structure%eta > 0) then
+         call self%add_loss(equations, parameters, wanted, poles, work, error)
+         if (.not. allocated(error)) call select_lowest(poles)
+      else
+         call select_lowest(self%poles)
+      end if
+
+   contains
+
+      !> Selects the roots that `lowest_roots` returns.
+      subroutine select_lowest(poles)
+         type(poles_t), intent(in) :: poles
+         logical :: waiting(size(poles%s))
+         integer :: k, next
+
          allocate (s(min(wanted, size(poles%s))))
          allocate (ds(size(s), size(parameters)), together(size(s)))
-         allocate (waiting(size(poles%s)), source=.true.)
+         waiting = .true.
          do k = 1, size(s)
             next = minloc(abs(poles%s), dim=1, mask=waiting .and. aimag(poles%s) > 0)
             if (next == 0) next = minloc(abs(poles%s), dim=1, mask=waiting)
@@ -340,7 +416,8 @@ contains
             ds(k, :) = poles%ds(next, :)
             together(k) = any(poles%cluster%holds(s(k)))
          end do
-      end associate
+      end subroutine select_lowest
+
    end subroutine lowest_roots
 
    !> Assembles the equations in the modes of the bare beam, with the load of an excitation.

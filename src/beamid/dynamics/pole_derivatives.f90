@@ -1,7 +1,8 @@
 !> Derivatives of poles and residues with respect to the parameters.
 !>
-!> Notation: Q(s) = s**2 M + s C + K; x is the eigenvector of the root s, A = x'(2 s M + C) x; o is
-!> the sensor's row. The index p is the derivative with respect to a parameter at constant s.
+!> Notation: Q(s) = s**2 M + s C + K + i L; x is the eigenvector of the root s,
+!> A = x'(2 s M + C) x; o is the sensor's row. The index p is the derivative with respect to a
+!> parameter at constant s.
 !>
 !>     ds/dp = -x'Q_p x/A
 !>
@@ -17,7 +18,7 @@ module beamid_pole_derivatives
    implicit none
    private
 
-   public :: differentiate_poles
+   public :: differentiate_poles, differentiate_root
 
 contains
 

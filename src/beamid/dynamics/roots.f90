@@ -7,7 +7,7 @@
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_characteristic, only: logarithmic_derivative
-   use beamid_continuation, only: with_conjugates, follow, coincides, conjugate_of
+   use beamid_continuation, only: with_conjugates, follow, coincides, conjugate_of, follow_loss
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -17,6 +17,7 @@ module beamid_roots
    use beamid_sorting, only: sort_by
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
    use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
    use beamid_systems, only: improve_root
    use beamid_vectors, only: nearest_pole, root_t, vector_t
    implicit none
@@ -34,7 +35,7 @@ module beamid_roots
 
 contains
 
-   !> Computes the roots s of (s**2 M + s C + K) x = 0.
+   !> Computes the roots s of (s**2 M + s C + K + i L) x = 0.
    !>
    !> roots  one of each complex pair, Im s > 0, and all real roots, by ascending |s| [1/time]
    !> error  the roots were not found
@@ -44,13 +45,18 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(beam_modes_t) :: modes
       type(root_t), allocatable :: all(:), half(:)
+      type(structure_t) :: elastic
       logical, allocatable :: has_hose(:)
       integer :: h
 
       call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
       associate (structure => equations%structure)
-         call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
+         elastic = structure
+         elastic%eta = 0
+         call find_roots(new_assembly(elastic, modes, [integer ::]), all, half, error)
+         if (structure%eta > 0 .and. .not. allocated(error)) call add_loss( &
+            new_assembly(structure, modes, [integer ::]), half, error)
          if (allocated(error)) return
          roots = half%s
          ! A hose without spring and dashpot drifts freely: a root 0 that does not move the beam.
@@ -66,6 +72,24 @@ contains
          roots = roots(1 + structure%zero_roots() - structure%rigid_body_modes():)
       end associate
    end subroutine damped_roots
+
+   !> Follows all modes that oscillate to those of the structure with structural damping.
+   !>
+   !> assembly  with structural damping
+   !> half      in: roots without it; out: with it
+   !> error     a root was not found
+   subroutine add_loss(assembly, half, error)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: half(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(vector_t) :: vector
+      integer :: k
+
+      do k = 1, size(half)
+         if (aimag(half(k)%s) > 0) call follow_loss(assembly, half(k), vector, error)
+         if (allocated(error)) return
+      end do
+   end subroutine add_loss
 
    !> Computes all roots of an assembly.
    !>

@@ -51,7 +51,8 @@ contains
       dP = 0
       associate (s => point%s, b => assembly%beam, m => assembly%pencil%m)
          if (assembly%is_dense()) then
-            P(:b, :b) = assembly%dense(:, :, 1)*s + assembly%dense(:, :, 2)
+            P(:b, :b) = assembly%dense(:, :, 1)*s + cmplx(assembly%dense(:, :, 2), &
+               assembly%dense(:, :, 3), wp)
             dP(:b, :b) = assembly%dense(:, :, 1)
          end if
          origin = assembly%pole(point%origin, point%side)

@@ -181,7 +181,7 @@ contains
             + sum(assembly%moves(:, p)*inverse%by_position)
          if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
             + sum(transpose(inverse%dense)*(assembly%dense_slope(:, :, 1, p)*s &
-            + assembly%dense_slope(:, :, 2, p)))
+            + cmplx(assembly%dense_slope(:, :, 2, p), assembly%dense_slope(:, :, 3, p), wp)))
       end do
    end subroutine differentiate
 

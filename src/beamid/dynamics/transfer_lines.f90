@@ -70,7 +70,7 @@ contains
       least = (apart*(real(s)**2 + aimag(s)**2))**2
       associate (p => assembly%pencil, vv => assembly%vv, vt => assembly%vt)
          do i = 1, n
-            D = (p%m(i)*s + p%c(i))*s + p%k(i)
+            D = (p%m(i)*s + p%c(i))*s + cmplx(p%k(i), p%l(i), wp)
             square = real(D)**2 + aimag(D)**2
             regular = square > least*p%m(i)**2
             if (.not. regular) return

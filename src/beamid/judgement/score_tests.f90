@@ -30,8 +30,8 @@ module beamid_score_tests
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
-   use beamid_structure, only: J_S_at, of_gamma, no_spring, of_kappa_R, structure_t, x_S_at, &
-      yielding
+   use beamid_structure, only: J_S_at, of_eta, of_gamma, no_spring, of_kappa_R, structure_t, &
+      x_S_at, yielding
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart
    use beamid_whiteness, only: effective_samples
@@ -67,8 +67,9 @@ module beamid_score_tests
 
 contains
 
-   !> Tests k_R, J_S, gamma and x_S, and the offset of each record, as far as the fit has not
-   !> estimated them. J_S and x_S are those of the sensor of the first record.
+   !> Tests k_R, J_S, gamma and x_S, eta if no record is a function of time, and the offset of each
+   !> record that is one, as far as the fit has not estimated them. J_S and x_S are those of the
+   !> sensor of the first record.
    !>
    !> fit    result of one stage, with statistics
    !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
@@ -86,6 +87,7 @@ contains
       type(residual_t) :: problem
       real(wp), allocatable :: d(:)
       integer, allocatable :: candidates(:)
+      logical, allocatable :: is_in_time(:)
       integer :: first, k, last, tested
 
       allocate (tests(0))
@@ -100,17 +102,18 @@ contains
       do k = 1, size(problem%scenario%structures)
          problem%scenario%structures(k)%yields = yielding([fit%free, of_kappa_R])
       end do
-      call choose_candidates(fit, fit%scenario%structures(1), candidates)
+      is_in_time = [(.not. allocated(experiments(k)%observed), k=1, size(experiments))]
+      call choose_candidates(fit, fit%scenario%structures(1), any(is_in_time), candidates)
       deallocate (tests)
-      allocate (tests(size(candidates) + merge(0, size(experiments), problem%offset)))
+      allocate (tests(size(candidates) + merge(0, count(is_in_time), problem%offset)))
       do k = 1, size(candidates)
          call differentiate(problem, fit, candidates(k), d, error)
          if (allocated(error)) return
          associate (s => fit%scenario%structures(1), p => candidates(k))
             tests(k)%name = name_of_parameter(s, p)
             tests(k)%parameter = p
-            call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
-               any(J_S_at == p), sd=prior_error(problem, p), one=tests(k))
+            call test(fit, d, s%get(p), is_nonnegative=any(p == [of_kappa_R, of_gamma, of_eta, &
+               J_S_at]), sd=prior_error(problem, p), one=tests(k))
             ! For several records the search for start values would take longer than their fit.
             if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, &
                experiments, fit, p, prior_error(problem, p), tests(k))
@@ -120,36 +123,42 @@ contains
          end associate
       end do
       tested = size(candidates)
-      first = 1
-      do k = 1, size(tests) - tested
-         last = first + size(experiments(k)%measured) - 1
+      last = 0
+      do k = 1, size(experiments)
+         first = last + 1
+         last = last + size(experiments(k)%measured)
+         if (problem%offset .or. .not. is_in_time(k)) cycle
          d = spread(0.0_wp, 1, size(fit%jacobian, 1))
          ! The offset belongs to the record: residuals are model minus record.
          d(first:last) = experiments(k)%scale*fit%weight(k)
-         tests(tested + k)%name = 'offset'
-         tests(tested + k)%record = k
+         tested = tested + 1
+         tests(tested)%name = 'offset'
+         tests(tested)%record = k
          call test(fit, d, experiments(k)%offset, is_nonnegative=.false., sd=0.0_wp, &
-            one=tests(tested + k))
-         first = last + 1
+            one=tests(tested))
       end do
       call decide(tests)
    end subroutine test_candidates
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
-   subroutine choose_candidates(fit, structure, candidates)
+   !>
+   !> in_time  whether any record is a function of time, for which eta is not defined
+   subroutine choose_candidates(fit, structure, in_time, candidates)
       type(stage_fit_t), intent(in) :: fit
       type(structure_t), intent(in) :: structure
+      logical, intent(in) :: in_time
       integer, allocatable, intent(out) :: candidates(:)
       integer :: k
 
       associate (all_of_them => [of_kappa_R, J_S_at(structure%observer), of_gamma, &
-         x_S_at(structure%observer)])
+         x_S_at(structure%observer), of_eta])
          candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
             k=1, size(all_of_them))])
       end associate
       ! Without x_S the sensor is at the tip by definition.
       if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
          candidates /= x_S_at(structure%observer))
+      if (in_time) candidates = pack(candidates, candidates /= of_eta)
       ! A root that turns freely has no spring to test.
       if (structure%get(of_kappa_R) >= no_spring) candidates = pack(candidates, &
          candidates /= of_kappa_R)

@@ -11,7 +11,8 @@ module beamid_parameters
    use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, function_of, &
       is_coefficient, item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, kappa_R_at, &
       kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_coefficients, most_items, &
-      n_parameters, no_spring, of_c_D, of_d_D, of_E, of_g, of_gamma, of_I, of_J_T, of_length, &
+      n_parameters, no_spring, of_c_D, of_d_D, of_E, of_eta, of_g, of_gamma, of_I, of_J_T, &
+      of_length, &
       of_m_T, of_rho, of_T, of_w_D, of_x_D, of_x_F, root, structure_t, tip, values_of, x_H_at, &
       x_M_at, x_P_at, x_S_at
    implicit none
@@ -84,6 +85,8 @@ module beamid_parameters
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &
          help='air damping, a force gamma u_t per unit length'), &
+      parameter_t(of_eta, 'eta', 'beam', [0, 0, 0], not_negative, '0', monomial_t(2e-2_wp), &
+         help='loss factor of structural damping, the modulus being E(1 + i eta)'), &
       parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &

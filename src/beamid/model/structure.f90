@@ -91,6 +91,7 @@ module beamid_structure
       real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity [force time/length**2]
       real(wp) :: rho = 0            !< mass per unit length [mass/length]
       real(wp) :: gamma = 0          !< air damping, a force gamma u_t per length [mass/length/time]
+      real(wp) :: eta = 0            !< loss factor: the modulus is E (1 + i eta) [1]
       real(wp) :: J_T = 0            !< rotary inertia at the tip [mass length**2]
       real(wp) :: length = 0         !< length l of the beam [length]
       real(wp) :: I = 0              !< second moment of area of the cross section [length**4]
@@ -154,7 +155,7 @@ module beamid_structure
    type(values_t), parameter :: of = transfer([(real(i, wp), i=1, n_parameters)], values_t())
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
       of_c_D = nint(of%c_D), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
-      of_J_T = nint(of%J_T), &
+      of_eta = nint(of%eta), of_J_T = nint(of%J_T), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
       of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
       of_d_D = nint(of%d_D)

@@ -14,7 +14,7 @@ module beamid_structure_checks
    implicit none
    private
 
-   public :: check_structure, check_axial_load, add_unit_hint, furthest_parameter
+   public :: check_structure, check_axial_load, check_causal, add_unit_hint, furthest_parameter
 
    !> Largest axial force, as a multiple of E I/length**2. At this force the beam is 500 times as
    !> long as sqrt(E I/N), the length over which the force bends it. Under a larger tension the beam
@@ -249,6 +249,17 @@ contains
       end if
       call locate(error, trim(merge('force', 'g    ', k == of_T)))
    end subroutine check_axial_load
+
+   !> Refuses structural damping, which is defined for vibrations at one frequency: a stiffness
+   !> E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound Vib. 11,
+   !> 1970, 3).
+   subroutine check_causal(structure, error)
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+
+      if (structure%eta > 0) call failure(error, 'eta: found '//to_text(structure%eta)// &
+         ' for a response in time, expected 0: a loss factor is not causal')
+   end subroutine check_causal
 
    !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is
    !> about an axial force far beyond the bending stiffness; leaves other errors unchanged.
