@@ -46,7 +46,7 @@ PEERS = CHECKOUT / "build" / "peers"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
 RECORD = CHECKOUT / "data" / "table_4_1_record.csv"
 NOISY = CHECKOUT / "data" / "table_4_1_noisy.nml"
-PARTS = ("table", "decay", "elements", "samples", "posterior", "instructions")
+PARTS = ("table", "decay", "response", "elements", "samples", "posterior", "instructions")
 NAMES = ("c_D", "m_H", "c_H", "k_H")    # free in Table 4.1
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
@@ -67,6 +67,13 @@ TRUTH, START = (6.8e10, 4e6, 0.08, 0.0045), (6.83e10, 5e6, 0.06, 0.0047)
 AMPLITUDES, OFFSET, NOISE, SECONDS = (20 + 5j, 4 - 3j), 0.4, 0.07, 5.0    # m/s^2, s
 SAMPLES, UNKNOWNS, LINEAR = 20000, 9, 5
 SIZES = (1000, 4000, SAMPLES, 100000, 300000, 10**6)
+# A frequency response of the same strip, struck at the sensor, which stands at a node of the peer.
+RESPONSE = """&beam       length=0.5, rho=0.27, E={}, width=0.05, height=0.002, c_D={}, gamma={} /
+&sensor     m_S={}, x_S=0.4375 /
+&discretization elements=16 /
+&record     kind='frf', x_F=0.4375, {} /
+"""
+LINES, SAME_RESPONSE = 2000, 1e-3    # largest difference of two meshes of cubics, relatively
 EXPONENTIALS, FLOOR = "two complex exponentials a sample", "QR and exponentials"
 
 NOTES = """
@@ -93,6 +100,8 @@ second are done once.
   Jacobian and SciPy's own tolerances (1e-8), without statistics. Both eliminate two amplitudes, two
   phases and the offset, start at the same motion and must reach the same J: one model, in two sets
   of four parameters.
+- Frequency response: the accelerance of the strip at its sensor, and its derivatives by four
+  parameters; NumPy: 16 Hermite elements, one `numpy.linalg.solve` for each line.
 - Posterior: four parameters, every value above 0 as likely as any other beforehand, the noise
   integrated out. beamid: the process from start to files, with the fit, its verdict, profiles and
   modes of the draws. emcee (32 walkers that stretch, 4000 steps without the first 500) and NumPyro
@@ -551,6 +560,31 @@ def part_elements(beamid, arguments, effort):
     if remarks:
         print("", *remarks, sep="\n", flush=True)
     return effort.meshes, lines
+
+
+def part_response(beamid, _, effort):
+    """A frequency response with derivatives: beamid, and numpy.linalg.solve line by line."""
+    band = f"f_first=1, f_last=100, f_step={99 / (LINES - 1):.17g}"
+    beamid.run("frf", beamid.write_case("true.nml", RESPONSE.format(*TRUTH, band)))
+    rows = beamid.output("frf.csv")
+    shutil.copy(beamid.folder / "out" / "frf.csv", beamid.folder / "frf.csv")
+    case = beamid.write_case("frf.nml", RESPONSE.format(*START, "file='frf.csv'")
+                             + "&stage free='E','m_S','c_D','gamma', start='case' /\n")
+    s = 2j * np.pi * np.array([float(row["frequency_hz"]) for row in rows])
+    h = np.array([complex(float(row["real"]), float(row["imag"])) for row in rows])
+    peer = peers.HermiteBeam(16, 0.5, 0.27, 0.05 * 0.002**3 / 12, 0.4375)
+    E, c_D, gamma, m_S = TRUTH
+    values = (E, m_S, c_D, gamma)
+    difference = np.abs(peer.evaluate(values, s)[:, 0] - h).max() / np.abs(h).max()
+    if not difference < SAME_RESPONSE:
+        fail(f"frequency response: beamid and NumPy differ by {difference:.1e}: two models", 1)
+    tell(f"frequency response: beamid and NumPy differ by {difference:.0e} of the largest value; "
+         f"{effort.rounds} rounds")
+    names = ("beamid, residuals and Jacobian", "NumPy, solve line by line, with derivatives")
+    spent = in_turns({names[0]: partial(beamid.seconds, case, "evaluation"),
+                      names[1]: partial(repeat, lambda: peer.evaluate(values, s))}, effort)
+    table([f"Frequency response, {LINES} lines, N = 16, 4 parameters", "ms", "ratio"],
+          [[name, ms(min(spent[name])), times(ratio(spent, name, names[0]))] for name in names])
 
 
 def part_samples(beamid, _, effort):

@@ -295,6 +295,44 @@ class PlainDecay(FreeDecay):
         return columns @ np.linalg.lstsq(columns, self.y)[0] - self.y
 
 
+class HermiteBeam:
+    """The strip clamped at its root, by Hermite elements, with a sensor at the nearest node: its
+    accelerance at the sensor, by numpy.linalg.solve line by line, and derivatives by E, m_S, c_D
+    and gamma."""
+
+    def __init__(self, elements, length, rho, inertia, place):
+        h, n = length / elements, 2 * elements + 2
+        bend = inertia / h**3 * np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h,
+                                          2 * h * h], [-12, -6 * h, 12, -6 * h],
+                                          [6 * h, 2 * h * h, -6 * h, 4 * h * h]])
+        carry = h / 420 * np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h,
+                                    -3 * h * h], [54, 13 * h, 156, -22 * h],
+                                    [-13 * h, -3 * h * h, -22 * h, 4 * h * h]])
+        bending, inertia = np.zeros((n, n)), np.zeros((n, n))
+        for e in range(elements):
+            part = slice(2 * e, 2 * e + 4)
+            bending[part, part] += bend
+            inertia[part, part] += carry
+        self.rho, self.bending, self.inertia = rho, bending[2:, 2:], inertia[2:, 2:]
+        self.o = np.zeros(n - 2)
+        self.o[2 * round(place / h) - 2] = 1
+
+    def evaluate(self, values, s):
+        """(lines, 5) accelerance and derivatives; the force acts at the sensor, so that one
+        solution is enough."""
+        E, m_S, c_D, gamma = values
+        point = np.outer(self.o, self.o)
+        M = self.rho * self.inertia + m_S * point
+        C = c_D * self.bending + gamma * self.inertia
+        K = E * self.bending
+        found = np.empty((len(s), 5), complex)
+        for row, z in zip(found, s):
+            q = np.linalg.solve((z * M + C) * z + K, self.o)
+            bend, carry, tip = q @ self.bending @ q, q @ self.inertia @ q, self.o @ q
+            row[:] = z * z * np.array([tip, -bend, -z * z * tip * tip, -z * bend, -z * carry])
+        return found
+
+
 def reference_dgeqrf():
     """Netlib's own QR, as Debian has it beside others; None where it is not installed."""
     paths = [sorted(glob.glob(f"/usr/lib/*/{name}/lib{name}.so.3")) for name in ("blas", "lapack")]

@@ -147,15 +147,15 @@ contains
          do k = 1, size(found, 2)
             do i = 1, 4
                if (s == 1) then
-                  ! The noise of CVODE at rtol = 1e-9 moves the minimum little, c_D for N = 2 by
-                  ! 1e-5: what is left is where `lmdif` ends. It follows J to rtol^.75 = 2e-7, that
-                  ! is sqrt(45*2e-7) = 3e-3 standard errors, with forward differences that are
-                  ! wrong by .02 to .2 % for c_D (the noise over a step of 1e-4); for N = 2, where
-                  ! c_D's standard error is 37 %, that is .1 % and several times as much.
+                  ! The noise of CVODE at rtol = 1e-9 hardly moves the minimum: what is left is
+                  ! where `lmdif` ends. It follows J to rtol^.75 = 2e-7, which is sqrt(45*2e-7) =
+                  ! 3e-3 standard errors. Forward differences are wrong by a share of d = .02 to
+                  ! .2 % (the noise over a step of 1e-4). They make J seem least up to d sqrt(49) =
+                  ! .014 standard errors away. The limit is three times the sum.
                   call check_close('modal against CVODE, N = '//to_text(found(1, k)%elements)// &
-                     ': '//names(i), found(1, k)%fit%estimate(i)/fits(1, k)%fit%estimate(i), &
-                     1.0_wp, merge(merge(1.5e-2_wp, 5e-3_wp, k == 1), &
-                     merge(1e-3_wp, 1e-4_wp, k == 1), i == 1))
+                     ': '//names(i)//' in standard errors', (found(1, k)%fit%estimate(i) &
+                     - fits(1, k)%fit%estimate(i))/found(1, k)%statistics%std_error(i), 0.0_wp, &
+                     5e-2_wp)
                else
                   call check_close('modal, start '//to_text(s)//', N = '// &
                      to_text(found(1, k)%elements)//': '//names(i), &
