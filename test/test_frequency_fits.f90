@@ -538,6 +538,14 @@ contains
          index(line(read_file('fitted.csv'), 1), ',sd') == 0 .and. &
          index(line(read_file('fitted.csv'), 1), ',coherence') == 0)
       call check_true('frf.csv of a fit is read back', again)
+      ! With a window, the standard deviations of the table mean the same as the stated one.
+      first = identified(beam()//at_F//', file=''exact.csv'', sd=0.1, window=''hann'' /'//nl// &
+         all_four)
+      call write_file('windowed.csv', read_file('o/frf.csv'))
+      again = identified(beam()//at_F//', file=''windowed.csv'', window=''hann'' /'//nl//all_four)
+      call check_close('frf.csv with a window is read back: standard error of E', &
+         number(again%estimate('E', 'std_error')), number(first%estimate('E', 'std_error')), &
+         1e-6_wp*number(first%estimate('E', 'std_error')))
    end subroutine test_read_back
 
    !> What is refused, in words.

@@ -33,6 +33,8 @@ module beamid_frequency_responses
       real(wp) :: rate = 0                    !< a of the exponential window [1/time]
       !> (n) standard deviation of real and imaginary part; 1 if it is not known
       real(wp), allocatable :: noise(:)
+      !> factor of `noise` that allows for the correlation of lines by a window
+      real(wp) :: correlation = 1
       real(wp), allocatable :: coherence(:)   !< (n) for the tables; not allocated: unknown
    contains
       procedure :: evaluate

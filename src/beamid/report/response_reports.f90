@@ -62,7 +62,8 @@ contains
 
    !> Adds frf.csv to the tables of a fit: measured and fitted frequency responses. The residual is
    !> measured - model. There is no such table without frequency responses, and no column `sd` or
-   !> `coherence` without a value, so that the table can be read back.
+   !> `coherence` without a value, so that the table can be read back. `sd` does not allow for the
+   !> correlation of lines by a window, which a fit to the table adds again.
    !>
    !> fits  (meshes) of the last stage
    subroutine add_fitted_responses(output, fits, experiments)
@@ -134,7 +135,8 @@ contains
          line = line//csv_row('', [real(observed%h(j)), aimag(observed%h(j)), real(residual(j)), &
             aimag(residual(j))])//ends([band(j, :)])//','//to_text(record)
          if (has_sd) line = line//','
-         if (observed%noise_is_known) line = line//full(observed%noise(j))
+         if (observed%noise_is_known) line = line//full(observed%noise(j) &
+            /observed%correlation)
          if (has_coherence) line = line//','
          if (allocated(observed%coherence)) line = line//full(observed%coherence(j))
          call table%line(line)

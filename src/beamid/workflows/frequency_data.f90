@@ -147,7 +147,8 @@ contains
             response%noise = spread(1.0_wp, 1, size(table%h))
             return
          end if
-         response%noise = sqrt(correlation_of_lines(lines, table%frequency))*response%noise
+         response%correlation = sqrt(correlation_of_lines(lines, table%frequency))
+         response%noise = response%correlation*response%noise
       end associate
       if (any(.not. response%noise > 0)) call bad_input(error, recording%path// &
          ': found a response of 0, whose noise is unknown, expected other values')
