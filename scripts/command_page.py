@@ -36,7 +36,8 @@ LEADS = {
 #: Settings of an experiment in few words.
 SETTINGS = {"x_S": "sensor at", "x_S_2": "second sensor at", "x_F": "force at",
             "duration": "duration of the pulse", "t_first": "first sample",
-            "t_last": "last sample", "t_step": "time step"}
+            "t_last": "last sample", "t_step": "time step", "f_first": "from", "f_last": "up to",
+            "f_step": "distance of the lines"}
 MOST_CASES = 40      # of a fleet, in a figure
 MOST_ERROR = 100     # per cent, in a map of standard errors
 WORST_COVERAGE = 3   # standard errors between the coverage and 95 %
@@ -255,7 +256,8 @@ def acceleration_squared(outputs, rows):
 
 def experiments(outputs):
     """Returns the verdict box and the sections of a comparison of experiments."""
-    rows = outputs.table("design.csv", "design", *plot_design.SETTINGS, "determined")
+    known_settings = plot_design.settings_of(outputs.folder)
+    rows = outputs.table("design.csv", "design", *known_settings, "determined")
     names = [name[9:] for name in p.header(outputs.folder / "design.csv")
              if name.startswith("relative_")]
     summary = outputs.summary("design")
@@ -285,8 +287,8 @@ def experiments(outputs):
         points += [(f"The best experiments lie at the end of the list of {ends}: a better "
                     "experiment may lie beyond it.")] * bool(at_end)
     kind = "bad" if not determined else "" if present["determined"] != "yes" else "good"
-    settings = [name for name in plot_design.SETTINGS if len({row[name] for row in rows}) > 1]
-    constant = [name for name in plot_design.SETTINGS if name not in settings and present[name]]
+    settings = [name for name in known_settings if len({row[name] for row in rows}) > 1]
+    constant = [name for name in known_settings if name not in settings and present[name]]
     cells = [[("the case" if row is present else row["design"]),
               *(p.plain_number(number, 4) if (number := value(row, name)) is not None else ""
                 for name in settings), row["samples"], *(relative(row, name) for name in names),
@@ -321,7 +323,8 @@ def relative(row, name):
 
 def maps(outputs, rows, names):
     """Returns a figure for each parameter: the standard error over the settings that vary."""
-    settings = [name for name in plot_design.SETTINGS if len(plot_design.values_of(rows, name)) > 1]
+    settings = [name for name in plot_design.settings_of(outputs.folder)
+                if len(plot_design.values_of(rows, name)) > 1]
     if not settings:
         return ""
     over, units = settings[:2], outputs.units

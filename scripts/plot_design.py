@@ -11,12 +11,22 @@ import numpy as np
 SETTINGS = {"x_S": ("place of the sensor", "length"), "x_F": ("place of the force", "length"),
             "duration": ("duration of the pulse", "time"), "t_last": ("last sample", "time"),
             "t_first": ("first sample", "time"), "t_step": ("step between samples", "time"),
+            "f_last": ("highest frequency", "frequency"),
+            "f_first": ("lowest frequency", "frequency"),
+            "f_step": ("distance of the lines", "frequency"),
             "x_S_2": ("place of the second sensor", "length")}
+
+
+def settings_of(directory):
+    """The settings of design.csv, in the order of SETTINGS: windows in time or bands."""
+    columns = p.header(directory / "design.csv")
+    return [name for name in SETTINGS if name in columns]
 
 
 def read_designs(directory, name):
     """The rows of design.csv, the present experiment first, and the error of each (inf: none)."""
-    rows = p.read_table(directory / "design.csv", "design", *SETTINGS, f"relative_{name}")
+    rows = p.read_table(directory / "design.csv", "design", *settings_of(directory),
+                        f"relative_{name}")
     errors = [p.number(row, f"relative_{name}") if row[f"relative_{name}"] else np.inf
               for row in rows]
     return rows, np.array(errors)
@@ -29,7 +39,8 @@ def values_of(rows, setting):
 
 def choose(rows, wanted):
     """The two settings of the axes: those asked for, or the first ones that vary."""
-    varied = [setting for setting in SETTINGS if len(values_of(rows, setting)) > 1]
+    varied = [setting for setting in SETTINGS
+              if setting in rows[0] and len(values_of(rows, setting)) > 1]
     chosen = wanted or varied[:2]
     for setting in chosen:
         if setting not in varied:

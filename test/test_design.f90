@@ -178,8 +178,8 @@ contains
 
       stage = stage_of(names, values)
       ! From .2 by .1 up to 2.5 or 5, and from 2.6 on; times in no particular order.
-      box%t_first = [2.6_wp, 0.2_wp]
-      box%t_last = [5.0_wp, 2.5_wp]
+      box%first = [2.6_wp, 0.2_wp]
+      box%last = [5.0_wp, 2.5_wp]
       call designed(truth, stage, box, designs)
       call check('windows: one that ends before it begins is none', size(designs%list) == 3)
       if (size(designs%list) /= 3) return
@@ -187,7 +187,7 @@ contains
       call same('windows add up', designs%list(1)%information + designs%list(3)%information, &
          designs%list(2)%information)
       box = box_t(x_S=[1.5_wp, 4.0_wp, 3.0_wp], x_F=[4.0_wp, 2.0_wp], duration=[0.05_wp, 0.02_wp], &
-         t_step=[0.1_wp, 0.05_wp])
+         step=[0.1_wp, 0.05_wp])
       stage = stage_of(names, values, .true.)
       call designed(truth, stage, box, designs)
       box%sensors = 2
@@ -221,7 +221,7 @@ contains
       do k = 1, size(pairs%list)
          associate (pair => pairs%list(k))
             if (any(abs([pair%x_S - [1.5_wp, 4.0_wp], pair%x_F - 4, pair%duration - 0.05_wp, &
-               pair%t_step - 0.1_wp]) > 1e-9_wp)) cycle
+               pair%step - 0.1_wp]) > 1e-9_wp)) cycle
             call same('channels of one motion', pair%information, designs%present%information)
          end associate
       end do
@@ -236,7 +236,7 @@ contains
       do place = size(designs%list), 1, -1
          associate (one => designs%list(place))
             if (all(abs([one%x_S(1) - pair%x_S(which), one%x_F - pair%x_F, one%duration &
-               - pair%duration, one%t_step - pair%t_step]) <= 0)) return
+               - pair%duration, one%step - pair%step]) <= 0)) return
          end associate
       end do
    end function single
@@ -406,7 +406,7 @@ contains
       do d = 1, merge(most, 2, in_long_run())
          stage = stage_of(names, values, mod(d, 3) == 0)
          call designed(truth, stage, box_t(x_S=[x_S(d)], x_F=[x_F(d)], duration=[duration(d)], &
-            t_last=[t_last(d)], t_step=[t_step(d)]), designs, formulas(1 + mod(d, 2)))
+            last=[t_last(d)], step=[t_step(d)]), designs, formulas(1 + mod(d, 2)))
          beam = truth
          beam%sensors = 1
          beam%sensor(1)%x_S = x_S(d)

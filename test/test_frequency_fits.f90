@@ -36,6 +36,7 @@ program test_frequency_fits
       call test_excess()
       call test_mixture()
       call test_read_back()
+      call test_design()
       call test_refusals()
       call close_shell()
    end if
@@ -547,6 +548,52 @@ contains
          number(again%estimate('E', 'std_error')), number(first%estimate('E', 'std_error')), &
          1e-6_wp*number(first%estimate('E', 'std_error')))
    end subroutine test_read_back
+
+   !> The standard errors that a design predicts are those of a fit to exact data with the same
+   !> known noise, for the present lines and for candidates: J'J of the same residuals, so that only
+   !> round-off remains.
+   subroutine test_design()
+      character(len=*), parameter :: names(4) = [character(len=5) :: 'E', 'c_D', 'm_S', 'gamma'], &
+         plan = at_F//band//nl//all_four//nl//'&design noise_sd=0.1, f_step=0.5,1, x_S=0.3,0.4 /'
+      type(answer_t) :: answer, fine
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table
+      real(wp) :: sd
+      integer :: column, k, row
+
+      call make_response('fine.csv', at_F//', f_first=4, f_last=300, f_step=0.5 /')
+      answer = identified(beam()//at_F//', file=''exact.csv'', sd=0.1 /'//nl//all_four)
+      fine = identified(beam()//at_F//', file=''fine.csv'', sd=0.1 /'//nl//all_four)
+      call write_file('plan.nml', beam()//plan//nl)
+      outcome = beamid('design plan.nml --quiet --out plan')
+      call check('design: status', outcome%status == 0, outcome%err)
+      table = read_file('plan/design.csv')
+      call check('design: bands', field(table, 0, 6) == 'f_first' .and. field(table, 0, 8) == &
+         'f_step')
+      call check('design: lines', field(table, 1, 9) == '297')
+      do column = 1, 40
+         if (field(table, 0, column) == 'sd_E') exit
+      end do
+      do k = 1, size(names)
+         sd = number(answer%estimate(trim(names(k)), 'std_error'))
+         call check_close('design: present, '//trim(names(k)), &
+            number(field(table, 1, column + k - 1))/sd, 1.0_wp, 1e-6_wp)
+         do row = 2, 5
+            if (abs(number(field(table, row, 2)) - 0.4_wp) > 1e-9_wp) cycle
+            if (number(field(table, row, 8)) < 0.75_wp) sd = number(fine%estimate( &
+               trim(names(k)), 'std_error'))
+            if (number(field(table, row, 8)) > 0.75_wp) sd = number(answer%estimate( &
+               trim(names(k)), 'std_error'))
+            call check_close('design: candidate '//to_text(row - 1)//', '//trim(names(k)), &
+               number(field(table, row, column + k - 1))/sd, 1.0_wp, 1e-6_wp)
+         end do
+      end do
+      call write_file('plan.nml', beam()//plan(:len(plan) - 2)//', t_last=3 /'//nl)
+      outcome = beamid('design plan.nml --quiet --out plan')
+      call check('design: times of a frequency response are refused', outcome%status == 2 .and. &
+         index(outcome%err, '&design t_last: found a value, expected none with kind = '// &
+         '''frf''') > 0, outcome%err)
+   end subroutine test_design
 
    !> What is refused, in words.
    subroutine test_refusals()

@@ -145,6 +145,11 @@ contains
       do n = 1, size(small_case)
          associate (line => small_case(n), name => small_case(n)(:index(small_case(n), ' ')))
             if (index(nl//example, nl//name) > 0) cycle
+            ! The lists of bands are those of a frequency response.
+            if (index(example, '&design f_') > 0 .and. name == '&record ') then
+               text = text//'&record kind=''frf'', f_first=4, f_last=300, f_step=1 /'//nl
+               cycle
+            end if
             ! Free parameters of a stage must not vary along the beam. A list of cases has no draws.
             if (group == 'along' .and. name == '&stage ') cycle
             text = text//trim(line)//nl

@@ -40,7 +40,7 @@ contains
 
       call check_elements(case, needs, error)
       if (needs == needs_nothing .or. needs == needs_modes .or. allocated(error)) return
-      if (size(case%excitations) == 0 .and. (needs /= needs_fit .or. any_in_time(case))) &
+      if (size(case%excitations) == 0 .and. (needs == needs_response .or. any_in_time(case))) &
          call refuse(case%path, 0, 'excitation', 'no such group', 'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
@@ -145,18 +145,19 @@ contains
          '''free''', 'a force, a release or a base that is known', error)
       do k = 1, size(case%recordings)
          associate (recording => case%recordings(k))
-            if (recording%kind /= 'time') call refuse(case%path, recording%line, 'record kind', &
-               ''''//trim(recording%kind)//'''', '''time'': a design plans records of time', error)
-            if (.not. (allocated(recording%path) .or. has_grid(recording%window))) call refuse( &
-               case%path, recording%line, 'record', 'neither a file nor a grid of sample times', &
-               't_first, t_last and t_step', error)
+            if (recording%kind /= case%recordings(1)%kind .or. recording%kind == 'modes') &
+               call refuse(case%path, recording%line, 'record kind', ''''//trim( &
+               recording%kind)//'''', '''time'' or ''frf'', the same for all records', error)
+            if (recording%kind == 'time' .and. .not. (allocated(recording%path) .or. &
+               has_grid(recording%window))) call refuse(case%path, recording%line, 'record', &
+               'neither a file nor a grid of sample times', 't_first, t_last and t_step', error)
          end associate
       end do
       if (allocated(error)) return
       call settle_box(case, box)
       associate (s => case%model%structure, last => size(case%stages))
          if (.not. box%noise_sd > 0) call refuse(case%path, case%design_line, 'design noise_sd', &
-            'nothing', 'a value above 0, here or as sd of &noise', error)
+            'nothing', 'a value above 0, here, as sd of &noise or as sd of the record', error)
          if (size(box%interest) == 0) call refuse(case%path, case%stage_lines(last), &
             'stage free', 'the offset alone', 'a parameter beside it', error)
          do k = 1, size(box%interest)

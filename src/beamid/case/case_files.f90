@@ -164,6 +164,7 @@ contains
       logical, intent(in) :: sound
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(inout) :: error
+      character(len=5) :: kind
 
       block%folder = directory_of(case%path)
       call move_alloc(case%files, block%files)
@@ -183,7 +184,9 @@ contains
          case ('design')
             case%box = box_t()
             case%design_line = block%line
-            call read_design(block, model%structure, case%excitations, sound, case%box)
+            kind = 'time'
+            if (size(case%recordings) > 0) kind = case%recordings(1)%kind
+            call read_design(block, model%structure, case%excitations, kind, sound, case%box)
          case ('score')
             case%score = window_t()
             case%score_line = block%line

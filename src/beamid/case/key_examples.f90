@@ -200,6 +200,9 @@ module beamid_key_examples
       key_example_t('design', 'sensors', 'x_S=0.3,0.4,0.5, sensors=2'), &
       key_example_t('design', 'modes', 'modes=2'), &
       key_example_t('design', 'noise_sd', 'noise_sd=0.05', acceleration), &
+      key_example_t('design', 'f_first', 'f_first=5,10', '1/time'), &
+      key_example_t('design', 'f_last', 'f_last=200,400', '1/time'), &
+      key_example_t('design', 'f_step', 'f_step=0.5,1', '1/time'), &
       key_example_t('design', 'parameters', 'parameters=''E'',''c_D''', &
          allowed=names_without_fields), &
       key_example_t('design', 'target', 'target=0.01'), &

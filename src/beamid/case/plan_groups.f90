@@ -216,18 +216,20 @@ contains
    !> Reads the group &design.
    !>
    !> structure, excitations  of the case
+   !> kind   of the first record: 'time', 'frf' or 'modes'
    !> sound  whether no other group had a problem; otherwise only the keys are read
    !> box    the lists of settings whose combinations are the candidates
-   subroutine read_design(block, structure, excitations, sound, box)
+   subroutine read_design(block, structure, excitations, kind, sound, box)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitations(:)
+      character(len=*), intent(in) :: kind
       logical, intent(in) :: sound
       type(box_t), intent(inout) :: box
       integer, parameter :: most = 1000, places = 20
       character(len=:), allocatable :: names(:)
       character(len=4) :: word_S, word_F
-      real(wp), allocatable :: noise, wanted
+      real(wp), allocatable :: noise, wanted, first(:), last(:), step(:)
       integer :: k
 
       call block%get('x_S', box%x_S, 'x_S of the case', 'positions of the sensor; ''auto'': '// &
@@ -236,18 +238,25 @@ contains
          to_text(places)//' along the beam', most, ['auto'], word_F, positive)
       call block%get('duration', box%duration, 'duration of the case', 'durations of the pulse', &
          most, range=positive)
-      call block%get('t_first', box%t_first, 't_first of the record', 'times of the first sample', &
+      call block%get('t_first', box%first, 't_first of the record', 'times of the first sample', &
          most)
-      call block%get('t_last', box%t_last, 't_last of the record', 'times of the last sample', &
+      call block%get('t_last', box%last, 't_last of the record', 'times of the last sample', &
          most)
-      call block%get('t_step', box%t_step, 't_step of the record', 'time steps of the samples', &
+      call block%get('t_step', box%step, 't_step of the record', 'time steps of the samples', &
          most, range=positive)
+      call block%get('f_first', first, 'f_first of the record', 'lowest frequencies of a '// &
+         'frequency response', most, range=positive)
+      call block%get('f_last', last, 'f_last of the record', 'highest frequencies of a '// &
+         'frequency response', most, range=positive)
+      call block%get('f_step', step, 'f_step of the record', 'distances of the lines of a '// &
+         'frequency response', most, range=positive)
       call block%get('sensors', box%sensors, 'number of sensors that observe the beam at once', &
          range_t(1, 2))
       call block%get('modes', box%modes, 'number of modes whose initial amplitude and phase '// &
          'are treated as unknown, as with kind=''free''', range_t(0, 20))
       call block%get('noise_sd', noise, 'sd of &noise or of the record', &
-         'standard deviation of the noise of each sensor', positive)
+         'standard deviation of the noise of each sensor, or of real and imaginary part of a '// &
+         'frequency response', positive)
       call block%get('parameters', names, 'all that are free in the last stage', &
          'names of the parameters of interest; the other free parameters are nuisance '// &
          'parameters', size(parameters))
@@ -255,6 +264,16 @@ contains
          'should have', positive)
       call block%close()
       if (block%failed() .or. .not. sound) return
+      call block%exclude_other_kinds(kind, [character(len=8) :: 'duration', 't_first', 't_last', &
+         't_step', 'modes', 'f_first', 'f_last', 'f_step'], [character(len=4) :: 'time', 'time', &
+         'time', 'time', 'time', 'frf', 'frf', 'frf'])
+      box%of_lines = kind == 'frf'
+      if (box%of_lines) then
+         call move_alloc(first, box%first)
+         call move_alloc(last, box%last)
+         call move_alloc(step, box%step)
+      end if
+      if (block%failed()) return
       if (allocated(noise)) box%noise_sd = noise
       if (allocated(wanted)) box%target = wanted
       associate (length => structure%length)
@@ -264,9 +283,9 @@ contains
          call check_list(block, 'x_F', box%x_F, length)
       end associate
       call check_list(block, 'duration', box%duration)
-      call check_list(block, 't_first', box%t_first)
-      call check_list(block, 't_last', box%t_last)
-      call check_list(block, 't_step', box%t_step)
+      call check_list(block, merge('f_first', 't_first', box%of_lines), box%first)
+      call check_list(block, merge('f_last', 't_last', box%of_lines), box%last)
+      call check_list(block, merge('f_step', 't_step', box%of_lines), box%step)
       if (allocated(box%duration) .and. .not. all(is_pulse(excitations))) call block%refuse( &
          'duration', to_text(size(box%duration))//' values', 'none without kind = ''pulse''')
       if (allocated(box%x_F) .and. any(excitations%is_base .or. excitations%distributed)) &

@@ -4,6 +4,7 @@ module beamid_boxes
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
+   use beamid_frequency_responses, only: frequency_response_t
    use beamid_kinds, only: wp
    use beamid_simulation, only: model_t
    use beamid_sorting, only: sort
@@ -12,7 +13,8 @@ module beamid_boxes
    implicit none
    private
 
-   public :: box_t, window_times_t, complete, is_pulse, list_times, samples_until
+   public :: box_t, window_times_t, complete, is_pulse, list_times, places_of, plan_record, &
+      samples_until
 
    !> Largest number of sample times that is accepted, all windows together.
    integer, parameter :: most_times = 1000000
@@ -23,9 +25,12 @@ module beamid_boxes
       real(wp), allocatable :: x_S(:)          !< positions of the sensor [length]
       real(wp), allocatable :: x_F(:)          !< positions of the force [length]
       real(wp), allocatable :: duration(:)     !< durations of the pulse [time]
-      real(wp), allocatable :: t_first(:), t_last(:), t_step(:)   !< windows and sampling [time]
+      !> windows and sampling [time], or bands and distances of lines [1/time]
+      real(wp), allocatable :: first(:), last(:), step(:)
+      logical :: of_lines = .false.            !< the design plans frequency responses
       integer :: sensors = 1                   !< number of sensors in use at a time, 1 or 2
-      real(wp) :: noise_sd = 0                 !< noise level of each sensor [length/time**2]
+      !> noise level of each sensor [length/time**2], or of real and imaginary part of each line
+      real(wp) :: noise_sd = 0
       integer, allocatable :: interest(:)      !< indices in `parameters` of those of interest
       real(wp) :: target = 0                   !< wanted relative standard error; 0: none
       !> number of modes whose initial amplitude and phase are unknown, as with kind='free'; the
@@ -33,14 +38,55 @@ module beamid_boxes
       integer :: modes = 0
    end type box_t
 
-   !> Sample times of one combination of t_first and t_step, up to the largest t_last.
+   !> Sample times of one combination of `first` and `step`, up to the largest `last`; in the same
+   !> way the frequencies of lines.
    type :: window_times_t
-      real(wp) :: t_first = 0, t_step = 0           !< [time]
+      real(wp) :: first = 0, step = 0               !< [time]
       real(wp), allocatable :: t(:)                 !< (m) ascending [time]
       integer, allocatable :: place(:)              !< (m) index of each in the times of all windows
    end type window_times_t
 
 contains
+
+   !> Returns the sample times of an experiment [time], or the frequencies of its lines [1/time].
+   function places_of(experiment) result(places)
+      type(experiment_t), intent(in) :: experiment
+      real(wp), allocatable :: places(:)
+
+      places = experiment%samples
+      if (.not. allocated(experiment%observed)) return
+      select type (observed => experiment%observed)
+      type is (frequency_response_t)
+         places = observed%frequency
+      end select
+   end function places_of
+
+   !> Makes an experiment one that is planned: with sample times, or with lines if it is a frequency
+   !> response, with noise, and without measured values.
+   !>
+   !> places  (m) ascending [time], or frequencies [1/time]
+   !> sd      standard deviation of the noise
+   subroutine plan_record(places, sd, experiment)
+      real(wp), intent(in) :: places(:), sd
+      type(experiment_t), intent(inout) :: experiment
+
+      if (allocated(experiment%observed)) then
+         select type (observed => experiment%observed)
+         type is (frequency_response_t)
+            observed%frequency = places
+            observed%h = 0*places
+            observed%noise = spread(sd, 1, size(places))
+            observed%noise_is_known = .true.
+            if (allocated(observed%coherence)) deallocate (observed%coherence)
+            experiment%measured = observed%values()
+         end select
+         experiment%sd = 1
+      else
+         experiment%samples = places
+         experiment%measured = 0*places
+         experiment%sd = sd
+      end if
+   end subroutine plan_record
 
    !> Returns whether an excitation is a pulse: a constant force from t = 0 on, whose duration a
    !> design may choose.
@@ -66,14 +112,14 @@ contains
 
       ! gfortran 12 frees twice what a function returns into an associate block.
       s = experiment%structure_of(model%structure)
-      associate (t => experiment%samples)
+      associate (t => places_of(experiment))
          call complete_list(box%x_S, s%sensor_place())
          call complete_list(box%x_F, s%place(of_x_F))
          call complete_list(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
-            is_pulse(experiment%excitation)))
-         call complete_list(box%t_first, t(1))
-         call complete_list(box%t_last, t(size(t)))
-         call complete_list(box%t_step, (t(size(t)) - t(1))/max(1, size(t) - 1))
+            is_pulse(experiment%excitation) .and. .not. box%of_lines))
+         call complete_list(box%first, t(1))
+         call complete_list(box%last, t(size(t)))
+         call complete_list(box%step, (t(size(t)) - t(1))/max(1, size(t) - 1))
       end associate
    end subroutine complete
 
@@ -89,7 +135,7 @@ contains
    !> Lists the sample times of every window, and the sample times of all windows together.
    !>
    !> box      with complete lists
-   !> windows  (t_first times t_step, t_step fastest)
+   !> windows  (`first` times `step`, `step` fastest)
    !> times    all sample times, ascending, each once [time]
    !> error    more than `most_times` sample times
    subroutine list_times(box, windows, times, error)
@@ -101,25 +147,25 @@ contains
       real(wp) :: last, round_off, total
       integer :: i, j, k, low, n
 
-      last = maxval(box%t_last)
+      last = maxval(box%last)
       total = 0
-      do j = 1, size(box%t_step)
-         total = total + sum(max(0.0_wp, last - box%t_first)/max(box%t_step(j), tiny(last)) + 1)
+      do j = 1, size(box%step)
+         total = total + sum(max(0.0_wp, last - box%first)/max(box%step(j), tiny(last)) + 1)
       end do
       if (total > most_times) then
          call bad_input(error, 'found '//to_text(total)//' sample times, expected at most '// &
             to_text(most_times))
          return
       end if
-      allocate (windows(size(box%t_first)*size(box%t_step)), all_times(0))
-      do i = 1, size(box%t_first)
-         do j = 1, size(box%t_step)
-            associate (window => windows((i - 1)*size(box%t_step) + j))
-               window%t_first = box%t_first(i)
-               window%t_step = box%t_step(j)
-               n = int(max(0.0_wp, (last - window%t_first)/max(window%t_step, tiny(last))) &
+      allocate (windows(size(box%first)*size(box%step)), all_times(0))
+      do i = 1, size(box%first)
+         do j = 1, size(box%step)
+            associate (window => windows((i - 1)*size(box%step) + j))
+               window%first = box%first(i)
+               window%step = box%step(j)
+               n = int(max(0.0_wp, (last - window%first)/max(window%step, tiny(last))) &
                   *(1 + 1e-12_wp) + 1e-6_wp)
-               window%t = [(window%t_first + k*window%t_step, k=0, n)]
+               window%t = [(window%first + k*window%step, k=0, n)]
                all_times = [all_times, window%t]
             end associate
          end do
@@ -143,11 +189,11 @@ contains
    end subroutine list_times
 
    !> Returns the number of samples of a window up to a time [time].
-   pure integer function samples_until(window, t_last)
+   pure integer function samples_until(window, last)
       type(window_times_t), intent(in) :: window
-      real(wp), intent(in) :: t_last
+      real(wp), intent(in) :: last
 
-      samples_until = count(window%t <= t_last + 1e-6_wp*window%t_step)
+      samples_until = count(window%t <= last + 1e-6_wp*window%step)
    end function samples_until
 
 end module beamid_boxes

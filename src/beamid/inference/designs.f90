@@ -5,7 +5,8 @@
 !> position of force and sensor and each duration. The information of a window is the sum over its
 !> samples; the information of two sensors is the sum of both.
 module beamid_designs
-   use beamid_boxes, only: box_t, complete, is_pulse, list_times, samples_until, window_times_t
+   use beamid_boxes, only: box_t, complete, is_pulse, list_times, places_of, plan_record, &
+      samples_until, window_times_t
    use beamid_design_information, only: present_information, prior_information, window_information
    use beamid_design_setups, only: check_begin, differentiate, new_setup, place, setup_t
    use beamid_errors, only: bad_input, error_t, locate
@@ -35,8 +36,9 @@ module beamid_designs
       real(wp) :: x_S(2) = 0                        !< positions of the sensors [length]
       real(wp) :: x_F = 0                           !< position of the force [length]
       real(wp) :: duration = 0                      !< duration of the pulse [time]
-      real(wp) :: t_first = 0, t_last = 0, t_step = 0   !< window and sampling [time]
-      integer :: samples = 0                        !< number of samples, all sensors together
+      !> window and sampling [time], or band and distance of lines [1/time]
+      real(wp) :: first = 0, last = 0, step = 0
+      integer :: samples = 0    !< number of samples, all sensors together, or of lines
       real(wp), allocatable :: information(:, :)    !< (n, n) by the samples, of relative changes
       type(prediction_t) :: prediction              !< by the samples and the priors
       integer, private :: share(2) = 0              !< of each sensor, index in the list of shares
@@ -89,15 +91,13 @@ contains
       if (allocated(error)) return
       call complete(designs%box, experiments(1), model)
       if (box%modes > 0 .and. is_pulse(experiments(1)%excitation)) call check_begin(minval( &
-         designs%box%t_first), maxval(designs%box%duration), error)
+         designs%box%first), maxval(designs%box%duration), error)
       if (.not. allocated(error)) call list_times(designs%box, windows, times, error)
       if (.not. allocated(error)) call list_designs(designs, windows, error)
       if (allocated(error)) return
       one = experiments(1)
       one%motion = 0
-      one%sd = box%noise_sd
-      one%samples = times
-      one%measured = 0*times
+      call plan_record(times, box%noise_sd, one)
       call new_setup(model, mesh, [one], stage%free, box%modes, setup, error)
       if (allocated(error)) return
       call set_free(setup%problem, single_stage(stage))
@@ -211,15 +211,16 @@ contains
       call present_information(setup, column, scale, designs%present%information, error)
       if (allocated(error)) return
       associate (design => designs%present, s => setup%problem%scenario%structures(1), &
-         t => experiments(1)%samples)
+         t => places_of(experiments(1)))
          design%prediction = predicted(designs, design%information)
-         design%samples = setup%problem%samples()
+         design%samples = sum([(size(places_of(experiments(k))), k=1, size(experiments))])
          design%x_S = [s%sensor_place(), 0.0_wp]
          design%x_F = s%place(of_x_F)
-         if (is_pulse(experiments(1)%excitation)) design%duration = experiments(1)%excitation%t(2)
-         design%t_first = t(1)
-         design%t_last = t(size(t))
-         design%t_step = (t(size(t)) - t(1))/max(1, size(t) - 1)
+         if (is_pulse(experiments(1)%excitation) .and. .not. box%of_lines) &
+            design%duration = experiments(1)%excitation%t(2)
+         design%first = t(1)
+         design%last = t(size(t))
+         design%step = (t(size(t)) - t(1))/max(1, size(t) - 1)
       end associate
    end subroutine add_present
 
@@ -259,11 +260,11 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(design_t) :: design
       real(wp) :: total
-      integer :: d, f, i, j, l, n, samples(size(designs%box%t_last), size(windows)), w
+      integer :: d, f, i, j, l, n, samples(size(designs%box%last), size(windows)), w
 
       associate (box => designs%box)
          do w = 1, size(windows)
-            samples(:, w) = [(samples_until(windows(w), box%t_last(l)), l=1, size(box%t_last))]
+            samples(:, w) = [(samples_until(windows(w), box%last(l)), l=1, size(box%last))]
          end do
          n = size(box%x_S)
          if (box%sensors == 2) n = n*(n - 1)/2
@@ -280,19 +281,19 @@ contains
                do f = 1, size(box%x_F)
                   do d = 1, size(box%duration)
                      do w = 1, size(windows)
-                        do l = 1, size(box%t_last)
+                        do l = 1, size(box%last)
                            if (samples(l, w) == 0) cycle
                            n = n + 1
                            design%x_S = [box%x_S(i), merge(box%x_S(j), 0.0_wp, j > i)]
                            design%x_F = box%x_F(f)
                            design%duration = box%duration(d)
-                           design%t_first = windows(w)%t_first
-                           design%t_step = windows(w)%t_step
-                           design%t_last = box%t_last(l)
+                           design%first = windows(w)%first
+                           design%step = windows(w)%step
+                           design%last = box%last(l)
                            design%samples = box%sensors*samples(l, w)
                            design%share = ([i, j] - 1)*size(box%x_F) + f - 1
                            design%share = design%share*size(box%duration) + d
-                           design%window = (w - 1)*size(box%t_last) + l
+                           design%window = (w - 1)*size(box%last) + l
                            designs%list(n) = design
                         end do
                      end do
@@ -316,8 +317,8 @@ contains
       type(window_times_t), intent(in) :: windows(:)
       type(share_t), intent(inout) :: shares(0:)
       type(setup_t) :: own
-      real(wp), allocatable :: jacobian(:, :), scale(:)
-      integer :: d, f, s
+      real(wp), allocatable :: imaginary(:, :, :), jacobian(:, :), scale(:)
+      integer :: d, f, m, s
 
       own = setup
       scale = designs%quantities%scale
@@ -333,8 +334,14 @@ contains
                call locate(share%error, 'x_S = '//to_text(box%x_S(s))//', x_F = '// &
                   to_text(box%x_F(f)))
                if (allocated(share%error)) return
-               call window_information(jacobian, size(designs%interest), windows, box%t_last, &
+               m = size(jacobian, 1)/merge(2, 1, box%of_lines)
+               call window_information(jacobian(:m, :), size(designs%interest), windows, box%last, &
                   share%information)
+               if (.not. box%of_lines) cycle
+               ! The rows of the real parts are followed by those of the imaginary parts.
+               call window_information(jacobian(m + 1:, :), size(designs%interest), windows, &
+                  box%last, imaginary)
+               share%information = share%information + imaginary
             end associate
          end do
       end associate

@@ -18,7 +18,8 @@ module beamid_design_reports
 
    !> Settings of a candidate experiment, each of which may be chosen from a list.
    character(len=*), parameter :: list_names(6) = [character(len=8) :: 'x_S', 'x_F', 'duration', &
-      't_first', 't_last', 't_step']
+      't_first', 't_last', 't_step'], lists_of_lines(6) = [character(len=8) :: 'x_S', 'x_F', &
+      'duration', 'f_first', 'f_last', 'f_step']
 
    !> An experiment of the summary: the present one, or a candidate that is best by at least one
    !> criterion.
@@ -43,13 +44,16 @@ contains
       type(text_t) :: text
       type(shown_t), allocatable :: shown(:)
       character(len=name_length), allocatable :: names(:)
+      character(len=:), allocatable :: unit
       integer :: k, number
 
       names = designs%quantities%name
       number = count([(designs%list(k)%prediction%determined, k=1, size(designs%list))])
+      unit = case%units%acceleration()
+      if (designs%box%of_lines) unit = ''
       call text%line(case%name//': '//to_text(size(designs%list))//' experiments, N = '// &
          to_text(elements)//', noise of standard deviation '//trim(to_text(designs%box%noise_sd)// &
-         ' '//case%units%acceleration()))
+         ' '//unit))
       call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
          designs%interest), ', ')//', which '//to_text(number)//' of the experiments determine')
       if (designs%box%modes > 0) call text%line('the initial amplitudes and phases of the '// &
@@ -61,7 +65,7 @@ contains
          end associate
       end do
       call find_shown(designs, shown)
-      call add_settings(text, shown)
+      call add_settings(text, names_of_lists(designs), shown)
       call add_errors(text, designs, shown)
       call add_eigenvalues(text, designs, shown)
       call add_edges(text, case, designs, shown)
@@ -128,16 +132,19 @@ contains
    end subroutine find_shown
 
    !> Adds the settings of the present experiment and of the best candidates.
-   subroutine add_settings(text, shown)
+   !>
+   !> names  of the settings
+   subroutine add_settings(text, names, shown)
       type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: names(:)
       type(shown_t), intent(in) :: shown(0:)
       character(len=:), allocatable :: duration, line, place
       integer :: k
 
       call text%line()
-      line = left('', 12)//right(trim(list_names(1)))
-      do k = 2, size(list_names)
-         line = line//right(trim(list_names(k)), 11)
+      line = left('', 12)//right(trim(names(1)))
+      do k = 2, size(names)
+         line = line//right(trim(names(k)), 11)
       end do
       call text%line(line//right('samples', 9))
       do k = 0, ubound(shown, 1)
@@ -147,7 +154,7 @@ contains
             duration = '-'
             if (design%duration > 0) duration = to_text(design%duration)
             call text%line(shown(k)%label()//right(place)//columns([design%x_F], 11)// &
-               right(duration, 11)//columns([design%t_first, design%t_last, design%t_step], 11)// &
+               right(duration, 11)//columns([design%first, design%last, design%step], 11)// &
                right(to_text(design%samples), 9))
          end associate
       end do
@@ -244,9 +251,11 @@ contains
       type(designs_t), intent(in) :: designs
       type(shown_t), intent(in) :: shown(0:)
       character(len=:), allocatable :: lists
+      character(len=8) :: names(size(list_names))
       integer :: k
 
       if (size(shown) == 1) return
+      names = names_of_lists(designs)
       call text%line()
       do k = 1, ubound(shown, 1)
          lists = ''
@@ -256,9 +265,9 @@ contains
             if (lists == '') call check_end('x_S', box%x_S, design%x_S(box%sensors), length)
             call check_end('x_F', box%x_F, design%x_F, length)
             call check_end('duration', box%duration, design%duration, unlimited)
-            call check_end('t_first', box%t_first, design%t_first, unlimited)
-            call check_end('t_last', box%t_last, design%t_last, unlimited)
-            call check_end('t_step', box%t_step, design%t_step, unlimited)
+            call check_end(trim(names(4)), box%first, design%first, unlimited)
+            call check_end(trim(names(5)), box%last, design%last, unlimited)
+            call check_end(trim(names(6)), box%step, design%step, unlimited)
          end associate
          if (lists /= '') call text%line(trim(shown(k)%label())//' is at the end of '//lists// &
             ': beyond it there may be better experiments')
@@ -350,10 +359,12 @@ contains
       character(len=:), allocatable :: table
       character(len=name_length), allocatable :: names(:)
       type(text_t) :: text
+      character(len=8) :: lists(size(list_names))
       integer :: k
 
       names = designs%quantities%name
-      call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
+      lists = names_of_lists(designs)
+      call text%line('design,x_S,x_S_2,x_F,duration,'//listed(lists(4:), ',')//',samples,'// &
          'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
       call add_row(text, designs, 0, designs%present)
       do k = 1, size(designs%list)
@@ -361,6 +372,15 @@ contains
       end do
       table = text%content()
    end function design_table
+
+   !> Returns the names of the settings that may be chosen from lists.
+   pure function names_of_lists(designs) result(names)
+      type(designs_t), intent(in) :: designs
+      character(len=8) :: names(size(list_names))
+
+      names = list_names
+      if (designs%box%of_lines) names = lists_of_lines
+   end function names_of_lists
 
    !> Adds the row of one experiment.
    subroutine add_row(text, designs, number, design)
@@ -377,7 +397,7 @@ contains
       row = row//','//full(design%x_F)//','
       if (design%duration > 0) row = row//full(design%duration)
       associate (p => design%prediction)
-         row = csv_row(row, [design%t_first, design%t_last, design%t_step])//','// &
+         row = csv_row(row, [design%first, design%last, design%step])//','// &
             to_text(design%samples)//','//trim(merge('yes', 'no ', p%determined))
          if (p%finite) then
             row = csv_row(row, [p%D, p%A, p%E])

@@ -2,7 +2,7 @@
 !> samples and experiments, which fits and designs start from.
 module beamid_cases
    use beamid_blocks, only: block_t
-   use beamid_boxes, only: box_t
+   use beamid_boxes, only: box_t, plan_record
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_design, needs_fit, needs_modes, &
       needs_nothing, needs_response, place_experiment, settle_box
    use beamid_case_files, only: case_t, groups, new_case, read_group
@@ -11,7 +11,7 @@ module beamid_cases
    use beamid_experiment_checks, only: check_channels, check_free_places
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
-   use beamid_frequency_data, only: load_frequency_data
+   use beamid_frequency_data, only: load_frequency_data, plan_lines
    use beamid_group_checks, only: check_whole, settle_variations
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
@@ -254,7 +254,9 @@ contains
       allocate (experiments(size(case%recordings)))
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
-            if (allocated(recording%path)) then
+            if (recording%kind == 'frf') then
+               call plan_lines(case%path, recording, box%noise_sd, experiment, error)
+            else if (allocated(recording%path)) then
                call load_samples(case, recording, k, 'record', experiment%samples, &
                   experiment%measured, notes, error)
             else
@@ -262,8 +264,8 @@ contains
                if (.not. allocated(error)) call check_delta(case, experiment%samples, error)
             end if
             if (allocated(error)) return
-            experiment%measured = 0*experiment%samples
-            experiment%sd = box%noise_sd
+            if (recording%kind == 'time') call plan_record(experiment%samples, box%noise_sd, &
+               experiment)
             call describe_experiment(case, k, experiment, error)
             if (allocated(error)) return
          end associate

@@ -1,5 +1,6 @@
 !> Loads records that are not functions of time: frequency responses and tables of modes.
 module beamid_frequency_data
+   use beamid_boxes, only: plan_record
    use beamid_case_files, only: case_t
    use beamid_errors, only: bad_input, error_t
    use beamid_experiments, only: experiment_t
@@ -15,7 +16,7 @@ module beamid_frequency_data
    implicit none
    private
 
-   public :: line_frequencies, load_frequency_data
+   public :: line_frequencies, load_frequency_data, plan_lines
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
@@ -279,6 +280,41 @@ contains
       omega = pack(omega, omega > 0)
       frequencies = omega(:max(1, size(omega)/2))/two_pi
    end subroutine frequencies_of
+
+   !> Plans the experiment of a frequency response: with the lines of the keys f_first, f_last and
+   !> f_step, or with the lines and the known noise of a file.
+   !>
+   !> sd  standard deviation of real and imaginary part, unless the file states the noise
+   subroutine plan_lines(path, recording, sd, experiment, error)
+      character(len=*), intent(in) :: path
+      type(recording_t), intent(in) :: recording
+      real(wp), intent(in) :: sd
+      type(experiment_t), intent(inout) :: experiment
+      type(error_t), allocatable, intent(out) :: error
+      type(frequency_response_t), allocatable :: response
+      character(len=note_length), allocatable :: notes(:)
+      real(wp), allocatable :: frequency(:)
+
+      experiment%samples = [real(wp) ::]
+      allocate (response, notes(0))
+      if (allocated(recording%path)) then
+         call load_response(path, recording, response, notes, error)
+         if (.not. allocated(error)) frequency = response%frequency
+      else
+         response%power = recording%lines%power
+         response%rate = recording%lines%rate
+         call line_frequencies(path, recording, frequency, error)
+      end if
+      if (allocated(error)) return
+      if (response%noise_is_known) then
+         experiment%measured = 0*response%values()
+         experiment%sd = 1
+         call move_alloc(response, experiment%observed)
+      else
+         call move_alloc(response, experiment%observed)
+         call plan_record(frequency, sd, experiment)
+      end if
+   end subroutine plan_lines
 
    !> Returns the frequencies of a response that is computed: f_first, f_first + f_step, ... f_last.
    !>
