@@ -118,6 +118,7 @@ module beamid_key_examples
       key_example_t('discretization', 'elements', 'elements=8,16'), &
       key_example_t('discretization', 'gauss_points', 'gauss_points=4'), &
       key_example_t('discretization', 'panels', 'panels=2'), &
+      key_example_t('discretization', 'knots', 'knots=''attachments'''), &
       key_example_t('integrator', 'method', cvode), &
       key_example_t('integrator', 'rtol', cvode//', rtol=1e-9'), &
       key_example_t('integrator', 'atol', cvode//', atol=1e-12', 'length'), &

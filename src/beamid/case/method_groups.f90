@@ -35,6 +35,7 @@ contains
       logical, intent(inout) :: refines
       type(mesh_t) :: mesh
       character(len=4) :: word
+      character(len=:), allocatable :: knots
       integer, allocatable :: elements(:)
       integer :: k
 
@@ -47,6 +48,10 @@ contains
       call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
          range_t(1, 64), default='degree + 1, which integrates exactly')
       call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
+      knots = 'uniform'
+      call block%get('knots', knots, 'knots of the splines: ''uniform'', at equal distances; '// &
+         '''attachments'', also at every force, mass, hose and support inside the beam whose '// &
+         'position is not estimated', [character(len=11) :: 'uniform', 'attachments'])
       if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
          '3, 5 or 7')
       call block%close()
@@ -62,8 +67,8 @@ contains
          call block%refuse('elements', to_text(elements(k))//' twice', 'each number once')
          return
       end do
-      meshes = [(mesh_t(mesh%degree, elements(k), mesh%gauss_points, mesh%panels), &
-         k=1, size(elements))]
+      meshes = [(mesh_t(mesh%degree, elements(k), mesh%gauss_points, mesh%panels, &
+         knots == 'attachments'), k=1, size(elements))]
    end subroutine read_discretization
 
    !> Reads the group &integrator.

@@ -3,10 +3,12 @@
 module beamid_galerkin
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
+   use beamid_knots, only: add_kinks, closely, kink_t, kinks_at_attachments, kinks_at_supports, &
+      shortest, widely
    use beamid_quadrature, only: gauss_legendre, rule_t, composite
    use beamid_splines, only: new_spline_space, spline_space_t
-   use beamid_structure, only: no_spring, structure_t
-   use beamid_variations, only: add_break, variations_t
+   use beamid_structure, only: structure_t
+   use beamid_variations, only: variations_t
    implicit none
    private
 
@@ -21,6 +23,7 @@ module beamid_galerkin
       integer :: elements = coarsest   !< number of mesh intervals N
       integer :: gauss_points = 4   !< Gauss points per panel
       integer :: panels = 1         !< panels per element
+      logical :: at_attachments = .false.   !< knots at the attachments inside the beam
    end type mesh_t
 
    !> Quadrature points along the beam.
@@ -64,31 +67,32 @@ contains
    pure logical function same_mesh(a, b)
       type(mesh_t), intent(in) :: a, b
 
-      same_mesh = all([a%degree, a%elements, a%gauss_points, a%panels] == &
-                      [b%degree, b%elements, b%gauss_points, b%panels])
+      same_mesh = all([a%degree, a%elements, a%gauss_points, a%panels] == [b%degree, b%elements, &
+         b%gauss_points, b%panels]) .and. (a%at_attachments .eqv. b%at_attachments)
    end function same_mesh
 
    !> Returns the integrals for the beam of a structure, with its conditions at the ends and
    !> its variation along the beam.
    !>
-   !> fixed  .true.: no position and no length will change. A support that resists the rotation
-   !>        makes the curvature jump; there the splines get knots at which they are only once
-   !>        continuously differentiable. Such a mesh has no derivatives with respect to the
-   !>        position. Default .false.
-   pure function galerkin_of(mesh, structure, fixed) result(self)
+   !> fixed   .true.: no position and no length will change. A support that resists the rotation
+   !>         then gets a knot even if the mesh has no other knots at attachments. Default .false.
+   !> moving  numbers of the parameters that may change; absent: none
+   pure function galerkin_of(mesh, structure, fixed, moving) result(self)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
       logical, intent(in), optional :: fixed
+      integer, intent(in), optional :: moving(:)
       type(galerkin_t) :: self
-      logical :: with_kinks
+      type(kink_t), allocatable :: kinks(:)
 
-      with_kinks = .false.
-      if (present(fixed)) with_kinks = fixed
-      associate (support => structure%support(:structure%supports), l => structure%length)
-         self = new_galerkin(mesh, l, structure%essential(), structure%variations, &
-            pack(support%x_P/l, with_kinks .and. (support%kappa_RP < no_spring .or. &
-            support%c_RP > 0)))
-      end associate
+      allocate (kinks(0))
+      if (mesh%at_attachments) then
+         kinks = kinks_at_attachments(structure, moving)
+      else if (present(fixed)) then
+         if (fixed) kinks = kinks_at_supports(structure)
+      end if
+      self = new_galerkin(mesh, structure%length, structure%essential(), structure%variations, &
+         kinks)
    end function galerkin_of
 
    !> Returns the integrals for a beam.
@@ -96,31 +100,32 @@ contains
    !> length      length of the beam [length]
    !> essential   (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip free
    !> variations  variation along the beam; default: none
-   !> kinks       (:) positions x/l at which the curvature may jump; default: none
+   !> kinks       (:) points at which a derivative may jump; default: none
    pure function new_galerkin(mesh, length, essential, variations, kinks) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
       logical, intent(in), optional :: essential(2, 2)
       type(variations_t), intent(in), optional :: variations
-      real(wp), intent(in), optional :: kinks(:)
+      type(kink_t), intent(in), optional :: kinks(:)
       type(galerkin_t) :: self
       type(rule_t) :: rule
       real(wp), allocatable :: breaks(:)
       integer, allocatable :: knots(:)
-      real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1)
-      integer :: k, m, q
+      real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1), near
+      integer :: m, q
 
       self%mesh = mesh
       if (present(variations)) self%variations = variations
       self%varies = self%variations%are_known()
       call self%variations%breaks(mesh%degree, breaks, knots)
+      near = closely
       if (present(kinks)) then
-         do k = 1, size(kinks)
-            call add_break(kinks(k), mesh%degree - 1, breaks, knots)
-         end do
+         if (mesh%at_attachments .and. size(kinks) > 0) near = widely
+         call add_kinks(kinks, mesh%degree, merge(shortest/mesh%elements, 0.0_wp, &
+            mesh%at_attachments), breaks, knots)
       end if
       self%space = new_spline_space(mesh%degree, mesh%elements, length, essential, &
-         pack(breaks, knots > 0), pack(knots, knots > 0))
+         pack(breaks, knots > 0), pack(knots, knots > 0), near)
       rule = composite(mesh%gauss_points, mesh%panels)
       self%points = new_points(self%space, rule, pack(breaks, knots == 0))
       self%tip = self%space%at(length, 0)

@@ -15,10 +15,11 @@
 module beamid_splines
    use beamid_b_splines, only: b_splines
    use beamid_kinds, only: wp
+   use beamid_knots, only: mesh_knots
    implicit none
    private
 
-   public :: spline_space_t, new_spline_space
+   public :: spline_space_t, new_spline_space, same_space
 
    !> The conditions of a beam with a clamped root and a free tip.
    logical, parameter, public :: clamped_root(2, 2) = reshape([.true., .true., .false., .false.], &
@@ -70,13 +71,16 @@ contains
    !> breaks        positions x/l, ascending, of knots in addition to those of the mesh; a break
    !>               replaces a mesh knot that is close to it
    !> multiplicity  multiplicity of each break, 1 .. degree - 1
-   pure function new_spline_space(degree, elements, length, essential, breaks, multiplicity) &
-      result(space)
+   !> near          largest distance to a mesh knot that is replaced, < 0.5 [mesh intervals];
+   !>               default 0.05
+   pure function new_spline_space(degree, elements, length, essential, breaks, multiplicity, &
+      near) result(space)
       integer, intent(in) :: degree, elements
       real(wp), intent(in) :: length
       logical, intent(in), optional :: essential(2, 2)
       real(wp), intent(in), optional :: breaks(:)
       integer, intent(in), optional :: multiplicity(:)
+      real(wp), intent(in), optional :: near
       type(spline_space_t) :: space
       real(wp), allocatable :: nodes(:)
       integer, allocatable :: times(:)
@@ -86,7 +90,7 @@ contains
       if (present(essential)) space%essential = essential
       space%length = length
       space%scale = elements/length
-      call mesh_knots(elements, nodes, times, breaks, multiplicity)
+      call mesh_knots(elements, nodes, times, breaks, multiplicity, near)
       space%elements = size(nodes) - 1
       space%n = space%elements + sum(times - 1) + degree
       allocate (space%ends(0:space%elements), space%left(0:space%elements - 1), &
@@ -110,6 +114,16 @@ contains
       space%n = size(space%start)
       call find_nonzero_functions(space)
    end function new_spline_space
+
+   !> Returns whether two spaces of the same degree are equal.
+   pure logical function same_space(a, b)
+      type(spline_space_t), intent(in) :: a, b
+
+      same_space = all(a%essential .eqv. b%essential) .and. size(a%knots) == size(b%knots) &
+         .and. a%elements == b%elements
+      if (same_space) same_space = all(abs(a%knots - b%knots) <= 0) .and. &
+         abs(a%length - b%length) <= 0
+   end function same_space
 
    !> Replaces the functions that do not vanish at an end by combinations that satisfy the
    !> conditions there.
@@ -240,45 +254,6 @@ contains
       end do
    end subroutine find_nonzero_functions
 
-   !> Computes the ends of the elements, in mesh intervals from the root. A break replaces the
-   !> nearest node of the mesh if it is within a twentieth of an interval; otherwise it is an
-   !> additional node.
-   !>
-   !> nodes  (:) ends of elements, ascending from 0 to `elements`
-   !> times  (:) multiplicity of the knot at each node
-   pure subroutine mesh_knots(elements, nodes, times, breaks, multiplicity)
-      integer, intent(in) :: elements
-      real(wp), allocatable, intent(out) :: nodes(:)
-      integer, allocatable, intent(out) :: times(:)
-      real(wp), intent(in), optional :: breaks(:)
-      integer, intent(in), optional :: multiplicity(:)
-      real(wp), parameter :: near = 0.05_wp, same = 1e-9_wp
-      logical :: taken(0:elements)
-      real(wp) :: x
-      integer :: i, j, k
-
-      nodes = [(real(i, wp), i=0, elements)]
-      times = [(1, i=0, elements)]
-      if (.not. present(breaks)) return
-      taken = .false.
-      taken([0, elements]) = .true.
-      do k = 1, size(breaks)
-         x = breaks(k)*elements
-         if (.not. (x > same .and. x < elements - same)) cycle
-         j = nint(x)
-         if (abs(x - j) <= near .and. .not. taken(j)) then
-            taken(j) = .true.
-            i = minloc(abs(nodes - j), dim=1)
-            nodes(i) = x
-            times(i) = multiplicity(k)
-         else
-            i = count(nodes < x)
-            nodes = [nodes(:i), x, nodes(i + 1:)]
-            times = [times(:i), multiplicity(k), times(i + 1:)]
-         end if
-      end do
-   end subroutine mesh_knots
-
    !> Returns the index of the first basis function that is nonzero on an element.
    !>
    !> element  0 .. elements - 1; the element is [ends(element), ends(element + 1)]
@@ -347,7 +322,9 @@ contains
       end associate
    end function on_element
 
-   !> Returns a derivative of all basis functions at one position.
+   !> Returns a derivative of all basis functions at one position; at a knot where it jumps, the
+   !> mean of both sides. The derivative of a response with respect to the position of a moment
+   !> contains this mean of the second derivative.
    !>
    !> x           position, 0 .. l [length]
    !> derivative  order of the derivative, 0 .. degree
@@ -357,18 +334,32 @@ contains
       real(wp), intent(in) :: x
       integer, intent(in) :: derivative
       real(wp) :: values(self%n)
-      real(wp) :: local(self%degree + 1)
-      integer :: element, first, last
+      integer :: element, k
 
       element = self%element_of(x)
-      first = self%first_on_element(element)
-      last = self%last_on_element(element)
-      associate (left => self%ends(element), right => self%ends(element + 1))
-         local = self%on_element(element, (x - left)/(right - left), derivative)
-      end associate
-      values = 0
-      values(first:last) = local(:last - first + 1)
+      values = beside(self, element, x, derivative)
+      if (derivative < 2) return
+      k = element + merge(0, 1, x - self%ends(element) < self%ends(element + 1) - x)
+      if (k < 1 .or. k >= self%elements) return
+      if (abs(x - self%ends(k)) > 1e-9_wp*self%length .or. self%left(k) - self%left(k - 1) < 2) &
+         return
+      values = (beside(self, k - 1, x, derivative) + beside(self, k, x, derivative))/2
    end function at
+
+   !> Returns a derivative of all basis functions at a position, as continued from one element.
+   pure function beside(self, element, x, derivative) result(values)
+      type(spline_space_t), intent(in) :: self
+      integer, intent(in) :: element, derivative
+      real(wp), intent(in) :: x
+      real(wp) :: values(self%n), local(self%degree + 1)
+
+      associate (left => self%ends(element), right => self%ends(element + 1), &
+         first => self%first(element), last => self%last(element))
+         local = self%on_element(element, (x - left)/(right - left), derivative)
+         values = 0
+         values(first:last) = local(:last - first + 1)
+      end associate
+   end function beside
 
    !> Returns a derivative of the degree + 1 B-splines that are nonzero on an element, from left to
    !> right, before they are combined at the ends.

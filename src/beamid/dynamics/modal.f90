@@ -19,6 +19,7 @@ module beamid_modal
    use beamid_pole_search, only: find_poles
    use beamid_poles, only: find_residues, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
+   use beamid_splines, only: same_space
    use beamid_strings, only: to_text
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load, check_causal
@@ -243,9 +244,8 @@ contains
          return
       end if
       associate (galerkin => equations%galerkin, space => self%modes%space)
-         if (.not. same_mesh(self%mesh, galerkin%mesh) .or. &
-            any(space%essential .neqv. galerkin%space%essential) .or. &
-            abs(space%length - galerkin%space%length) > 0) then
+         if (.not. (same_mesh(self%mesh, galerkin%mesh) .and. same_space(space, &
+            galerkin%space))) then
             call failure(error, 'modal: prepared for another mesh')
             return
          end if

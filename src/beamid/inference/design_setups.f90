@@ -11,6 +11,7 @@ module beamid_design_setups
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_simulation, only: model_t
    use beamid_strings, only: to_text
+   use beamid_structure, only: of_x_F, x_S_at
    implicit none
    private
 
@@ -44,12 +45,15 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(experiment_t) :: unforced(size(experiments))   ! with unknown start if modes > 0
       real(wp) :: finish
+      integer, allocatable :: moving(:)
       integer :: k
 
+      ! A design chooses the positions of force and sensor.
+      moving = [free, of_x_F, x_S_at]
       unforced = experiments
       if (modes > 0) then
          allocate (setup%cause)
-         call new_residuals(model, mesh, experiments, setup%cause, error, free)
+         call new_residuals(model, mesh, experiments, setup%cause, error, moving)
          do k = 1, size(experiments)
             associate (force => experiments(k)%excitation)
                finish = force%t(merge(1, size(force%t), force%is_release))
@@ -64,7 +68,7 @@ contains
          setup%cause%free = [integer ::]
          setup%cause%record = [integer ::]
       end if
-      call new_residuals(model, mesh, unforced, setup%problem, error, free)
+      call new_residuals(model, mesh, unforced, setup%problem, error, moving)
    end subroutine new_setup
 
    !> Refuses samples before the force has ended, for a motion with unknown initial

@@ -56,7 +56,7 @@ contains
       allocate (modes(0))
       do r = 1, size(fit%scenario%structures)
          associate (structure => fit%scenario%structures(r))
-            galerkin = galerkin_of(mesh, structure)
+            galerkin = galerkin_of(mesh, structure, moving=fit%free)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))

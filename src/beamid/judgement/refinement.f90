@@ -68,9 +68,10 @@ contains
       logical :: failed
 
       if (size(found%free) == 0) return
-      call refit(mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1), by_degree)
-      if (.not. failed) call refit(mesh_t(mesh%degree, 2*mesh%elements, mesh%degree + 1, 1), &
-         by_elements)
+      call refit(mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1, &
+         mesh%at_attachments), by_degree)
+      if (.not. failed) call refit(mesh_t(mesh%degree, 2*mesh%elements, mesh%degree + 1, 1, &
+         mesh%at_attachments), by_elements)
       if (failed) return
       shift = merge(by_degree, by_elements, abs(by_degree) >= abs(by_elements))
       found%mesh_shift = shift

@@ -263,7 +263,7 @@ contains
          ds = 0
          allocate (higher(most_modes, size(structures)), source=(0.0_wp, 0.0_wp))
          do r = 1, size(structures)
-            galerkin = galerkin_of(mesh, structures(r))
+            galerkin = galerkin_of(mesh, structures(r), moving=fit%free)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structures(r), new_pulse(0.0_wp, 1.0_wp))

@@ -93,7 +93,9 @@ contains
    !> solver       solver that is not yet prepared
    !> error        the solver cannot compute a motion with an unknown initial state; the mesh has
    !>              fewer modes than the motion; the solver cannot be prepared
-   subroutine prepare_experiment(experiment, structure, mesh, observation, solver, prepared, error)
+   !> moving       as in `galerkin_of`
+   subroutine prepare_experiment(experiment, structure, mesh, observation, solver, prepared, &
+      error, moving)
       type(experiment_t), intent(in) :: experiment
       type(structure_t), intent(in) :: structure
       type(mesh_t), intent(in) :: mesh
@@ -101,6 +103,7 @@ contains
       class(solver_t), intent(in) :: solver
       type(prepared_experiment_t), intent(out) :: prepared
       type(error_t), allocatable, intent(out) :: error
+      integer, intent(in), optional :: moving(:)
       integer :: most
 
       if (experiment%excitation%modes > 0 .and. .not. is_exact(solver)) then
@@ -108,7 +111,7 @@ contains
             'no integrator finds; expected method=''modal'' in &integrator')
          return
       end if
-      prepared%galerkin = galerkin_of(mesh, structure)
+      prepared%galerkin = galerkin_of(mesh, structure, moving=moving)
       most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
          call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes, '// &

@@ -54,7 +54,7 @@ contains
    !> model    structure, observation, solver and priors; its excitation is not used, because each
    !>          experiment has its own
    !> free     numbers of parameters that may be free, so that compliances of the ends among them
-   !>          may become 0; default: none
+   !>          may become 0, and the mesh has no knots at positions among them; default: none
    !> error    the solver of the model cannot compute an experiment
    subroutine new_residuals(model, mesh, experiments, problem, error, free)
       type(model_t), intent(in) :: model
@@ -74,7 +74,7 @@ contains
          if (present(free)) problem%scenario%structures(i)%yields = yielding(free)
          problem%scenario%excitations(i) = experiments(i)%excitation
          call prepare_experiment(experiments(i), problem%scenario%structures(i), mesh, &
-            model%observation, model%solver, problem%parts(i), error)
+            model%observation, model%solver, problem%parts(i), error, free)
          if (allocated(error)) return
       end do
       allocate (problem%priors(0))

@@ -52,13 +52,13 @@ contains
       type(response_t) :: at_points
       class(solver_t), allocatable :: solver
 
-      galerkin = galerkin_of(mesh, model%structure, fixed=.true.)
-      solver = model%solver
-      call prepare_for(galerkin, solver, error)
-      if (allocated(error)) return
       excitation = model%excitation
       structure = model%structure
       if (allocated(excitation%x_F)) structure%x_F = excitation%x_F
+      galerkin = galerkin_of(mesh, structure, fixed=.true.)
+      solver = model%solver
+      call prepare_for(galerkin, solver, error)
+      if (allocated(error)) return
       call excitation%fit_to(structure%stiffness())
       equations = new_equations(galerkin, structure, excitation)
       sampling = new_sampling(model%observation, samples)

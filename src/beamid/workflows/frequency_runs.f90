@@ -152,12 +152,12 @@ contains
       complex(wp), allocatable :: response(:, :)
 
       placed = found%experiment%structure_of(structure)
-      model%galerkin = galerkin_of(mesh, placed)
+      free = [integer ::]
+      if (present(fit)) free = fit%free
+      model%galerkin = galerkin_of(mesh, placed, moving=free)
       allocate (modal_t :: model%solver)
       call prepare_for(model%galerkin, model%solver, error)
       if (allocated(error)) return
-      free = [integer ::]
-      if (present(fit)) free = fit%free
       allocate (response(size(h), 0:size(free)))
       call predict_response(model, placed, found%experiment%excitation, found%power, found%rate, &
          found%frequency, free, response, work, error)
