@@ -148,7 +148,7 @@ contains
       call refused('panels 0', 'panels=4', 'panels=0', place//'panels: found 0|expected 1 to')
       call refused('panels -4', 'panels=4', 'panels=-4', place//'panels: found -4|expected 1 to')
       call refused('knots elsewhere', 'panels=4', 'knots=''masses''', place// &
-         'knots: found ''masses''|expected ''uniform'' or ''attachments''')
+         'knots: found ''masses''|expected ''attachments'' or ''uniform''')
       call refused('too few points', 'gauss_points=2, panels=4', 'gauss_points=1, panels=1', &
          place//'gauss_points: found 1|expected at least')
    end subroutine test_discretization

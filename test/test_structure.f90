@@ -317,6 +317,7 @@ contains
          case ('I'); direct = s%I
          case ('g'); direct = s%g
          case ('T'); direct = s%T
+         case ('eta'); direct = s%eta
          case ('place'); direct = s%x_D
          case ('width'); direct = s%w_D
          case ('depth'); direct = s%d_D

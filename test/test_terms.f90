@@ -145,7 +145,8 @@ contains
          name = trim(name_of_parameter(s, k))
          if (.not. is_there(s, k)) cycle
          call check(name//': help', parameters(k)%help /= '')
-         call check(name//': unit', units%of_parameter(k) /= '', units%of_parameter(k))
+         call check(name//': unit', (units%of_parameter(k) == '') .eqv. all(parameters(k)%unit &
+            == 0), units%of_parameter(k))
          g = findloc([(groups(j)%name == parameters(k)%group, j=1, size(groups))], .true., dim=1)
          call check(name//': a group', g > 0)
          if (g > 0) call check(name//': a key', any(groups(g)%keys%name == &

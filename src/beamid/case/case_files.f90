@@ -132,7 +132,7 @@ contains
       case%name = path(index(path, '/', back=.true.) + 1:)
       dot = index(case%name, '.', back=.true.)
       if (dot > 1) case%name = case%name(:dot - 1)
-      case%meshes = [mesh_t()]
+      case%meshes = [mesh_t(at_attachments=.true.)]
       allocate (modal_t :: case%model%solver)
       allocate (case%along(0), case%stages(0), case%stage_lines(0), case%recordings(0), &
          case%excitations(0), case%model%priors(0), case%draws(0), case%files(0))

@@ -94,9 +94,9 @@ contains
       row = example_row(group, trim(key%name))
       if (row > 0) named = trim(key_examples(row)%allowed)
       select case (named)
-      case (names_for_fit); text = parameter_names(.true.)//', E(x), c_D(x)'
+      case (names_for_fit); text = parameter_names(.true.)//' E(x) c_D(x)'
       case (names_without_fields); text = parameter_names(.false.)
-      case (names_for_prior); text = parameter_names(.false.)//', I, height, density'
+      case (names_for_prior); text = parameter_names(.false.)//' I height density'
       case default; text = named
       end select
       if (text /= '') return
@@ -117,7 +117,7 @@ contains
       do k = 1, size(parameters)
          if (.not. is_listed(k) .or. is_coefficient(k)) cycle
          if (k == offset .and. .not. with_offset) cycle
-         if (names /= '') names = names//', '
+         if (names /= '') names = names//' '
          names = names//trim(parameters(k)%name)
       end do
    end function parameter_names

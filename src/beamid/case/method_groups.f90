@@ -48,10 +48,11 @@ contains
       call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
          range_t(1, 64), default='degree + 1, which integrates exactly')
       call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
-      knots = 'uniform'
-      call block%get('knots', knots, 'knots of the splines: ''uniform'', at equal distances; '// &
-         '''attachments'', also at every force, mass, hose and support inside the beam whose '// &
-         'position is not estimated', [character(len=11) :: 'uniform', 'attachments'])
+      knots = 'attachments'
+      call block%get('knots', knots, 'knots of the splines: ''attachments'', at equal '// &
+         'distances and at every force, mass, hose and support inside the beam whose position '// &
+         'is not estimated; ''uniform'', at equal distances alone', &
+         [character(len=11) :: 'attachments', 'uniform'])
       if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
          '3, 5 or 7')
       call block%close()

@@ -252,7 +252,8 @@ contains
          return
       end if
       call check_axial_load(equations%structure, error)
-      if (.not. allocated(error)) call check_causal(equations%structure, error)
+      if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
+         error)
       if (allocated(error)) return
       if (equations%buckles()) then
          call failure(error, 'CVODE: '//buckled)

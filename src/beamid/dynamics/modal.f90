@@ -81,7 +81,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: n
 
-      call check_causal(equations%structure, error)
+      call check_causal(equations%structure, parameters, error)
       if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error)
       if (allocated(error)) return
       n = count(which /= of_tilt)

@@ -85,8 +85,6 @@ module beamid_parameters
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &
          help='air damping, a force gamma u_t per unit length'), &
-      parameter_t(of_eta, 'eta', 'beam', [0, 0, 0], not_negative, '0', monomial_t(2e-2_wp), &
-         help='loss factor of structural damping, the modulus being E(1 + i eta)'), &
       parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &
@@ -103,6 +101,8 @@ module beamid_parameters
       parameter_t(of_T, 'T', 'axial', [1, 1, -2], any_value, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, 0]), key='force', &
          help='axial force, positive in tension; its symbol is T'), &
+      parameter_t(of_eta, 'eta', 'beam', [0, 0, 0], not_negative, '0', monomial_t(2e-2_wp), &
+         help='loss factor of bending: the modulus is E(1 + i eta); not in time'), &
       parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
          monomial_t(place=[of_length, 0, 0]), help='position of the middle of the dip'), &
       parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &

@@ -7,9 +7,8 @@ module beamid_structure_checks
       parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: deflection, n_parameters, no_spring, of_E, of_g, &
-      of_I, &
-      of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
+   use beamid_structure, only: deflection, n_parameters, no_spring, of_E, of_eta, &
+      of_g, of_I, of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
    use beamid_units, only: units_t
    implicit none
    private
@@ -253,12 +252,16 @@ contains
    !> Refuses structural damping, which is defined for vibrations at one frequency: a stiffness
    !> E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound Vib. 11,
    !> 1970, 3).
-   subroutine check_causal(structure, error)
+   !>
+   !> parameters  numbers of the parameters of derivatives
+   subroutine check_causal(structure, parameters, error)
       type(structure_t), intent(in) :: structure
+      integer, intent(in) :: parameters(:)
       type(error_t), allocatable, intent(out) :: error
 
-      if (structure%eta > 0) call failure(error, 'eta: found '//to_text(structure%eta)// &
-         ' for a response in time, expected 0: a loss factor is not causal')
+      if (structure%eta > 0 .or. any(parameters == of_eta)) call failure(error, 'eta: found '// &
+         to_text(structure%eta)//' for a response in time, expected 0 and no derivative: a loss '// &
+         'factor is not causal')
    end subroutine check_causal
 
    !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is
