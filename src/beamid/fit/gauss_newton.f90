@@ -32,14 +32,19 @@ contains
    !> variables   (n) with their bounds and magnitudes
    !> threshold   relative error of the columns; directions with a smaller relative effect are left
    !>             unchanged
-   function gauss_newton_step(jacobian, residual, parameters, variables, threshold) result(ahead)
+   !> residuals   number of residuals if the rows have been condensed; default: m
+   function gauss_newton_step(jacobian, residual, parameters, variables, threshold, &
+      residuals) result(ahead)
       real(wp), intent(in) :: jacobian(:, :), residual(:), parameters(:), threshold
       type(variable_t), intent(in) :: variables(:)
+      integer, intent(in), optional :: residuals
       type(gauss_newton_t) :: ahead
       real(wp) :: p(size(parameters)), step(size(parameters)), share(size(parameters)), left
       logical :: free(size(parameters))
-      integer :: hit, k, rank
+      integer :: hit, k, m, rank
 
+      m = size(residual)
+      if (present(residuals)) m = residuals
       ! A parameter that the search put on a bound may lie beyond it by round-off.
       p = min(max(parameters, variables%lower), variables%upper)
       free = .true.
@@ -63,7 +68,7 @@ contains
       ahead%step = p - parameters
       left = sum(ahead%residual**2)
       ahead%distance = sqrt(max(0.0_wp, sum(residual**2) - left) &
-         /max(left/max(1, size(residual) - size(p)), tiny(left)))
+         /max(left/max(1, m - size(p)), tiny(left)))
    end function gauss_newton_step
 
    !> Returns the scale, (n), of relative changes of each parameter: the larger of its absolute

@@ -16,7 +16,7 @@ module beamid_observed_data
    implicit none
    private
 
-   public :: meshed_model_t, observed_data_t, seen_modes_t
+   public :: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
 
    !> The model of an experiment on a mesh: all that every evaluation uses again.
    type :: meshed_model_t
@@ -47,6 +47,7 @@ module beamid_observed_data
       logical :: has_offset = .false.
    contains
       procedure(evaluate_data), deferred :: evaluate
+      procedure :: condense => condense_rows
       procedure :: times => no_times
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
@@ -94,6 +95,32 @@ module beamid_observed_data
    end interface
 
 contains
+
+   !> Does the same as `evaluate`, but condenses the rows if there are many (`beamid_condensation`).
+   !>
+   !> y   (rows) residuals
+   !> dy  (rows, p) their derivatives
+   subroutine condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
+      linear, work, error, first)
+      class(observed_data_t), intent(in), target :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+
+      allocate (y(size(self%measured)), dy(size(self%measured), size(parameters)))
+      call self%evaluate(model, structure, excitation, offset, parameters, y, dy, linear, work, &
+         error, first)
+      if (allocated(error)) return
+      call linear%complete(size(y), size(parameters))
+      call linear%condense(y, dy)
+   end subroutine condense_rows
 
    !> Returns the time of each value (m) [time]; an empty array for data that are not a function of
    !> time. Their noise has no order in time, and they have no spectral lines.
