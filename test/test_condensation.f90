@@ -183,10 +183,33 @@ contains
       problem%offset = .true.
    end function problem_of
 
-   !> Compares J, J'J, J'r and Gauss and Newton's step of condensed rows with those of all rows.
+   !> Compares J, J'J, J'r and Gauss and Newton's step of condensed rows with those of all rows, which
+   !> are once computed from the condensed rows and once formed and decomposed by reflections: a
+   !> filter for white noise, which changes nothing, has that effect.
    subroutine compare(label, problem)
       character(len=*), intent(in) :: label
       type(residual_t), intent(inout) :: problem
+      type(residual_t) :: formed, other
+      integer :: i
+
+      formed = problem
+      if (.not. allocated(formed%colour)) then
+         allocate (formed%colour(size(formed%parts)))
+         do i = 1, size(formed%colour)
+            associate (record => formed%parts(i)%observed)
+               formed%colour(i) = new_autoregression(record%measured, record%times(), white=.true.)
+            end associate
+         end do
+      end if
+      other = problem
+      call compare_rows(label, problem, other)
+      call compare_rows(label//', formed', problem, formed)
+   end subroutine compare
+
+   !> Compares condensed rows of one problem with all rows of another.
+   subroutine compare_rows(label, problem, other)
+      character(len=*), intent(in) :: label
+      type(residual_t), intent(inout) :: problem, other
       type(error_t), allocatable :: error
       real(wp), allocatable :: r(:), jac(:, :), all_r(:), all_jac(:, :), scale(:)
       real(wp), dimension(size(names)) :: parameters, step, all_step, sd
@@ -199,9 +222,9 @@ contains
       allocate (r(problem%condensed_rows(m, n)), jac(problem%condensed_rows(m, n), n))
       allocate (all_r(m), all_jac(m, n))
       call check(label//': few rows', size(r) == n + 1, to_text(size(r)))
-      call problem%jacobian(parameters, all_r, all_jac, error)
+      call other%jacobian(parameters, all_r, all_jac, error)
       call check(label//': all rows', .not. allocated(error))
-      all_volume = problem%log_volume
+      all_volume = other%log_volume
       call problem%condensed(parameters, r, jac, error)
       call check(label//': condensed rows', .not. allocated(error))
       volume = problem%log_volume
@@ -226,7 +249,7 @@ contains
       do k = 1, n
          call check_close(label//': standard error '//to_text(k), sd(k), 1.0_wp, 1e-9_wp)
       end do
-   end subroutine compare
+   end subroutine compare_rows
 
    !> Standard errors (n) for noise of a standard deviation, by unit steps in the residuals' space.
    function standard_errors(jac, noise) result(sd)

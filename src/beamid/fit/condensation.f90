@@ -14,7 +14,7 @@ module beamid_condensation
    implicit none
    private
 
-   public :: condensed_t, condense, condense_matrix, triangle_of
+   public :: condensed_t, condense, condense_matrix, factor_of, triangle_of
 
    !> Rows of a matrix A and of a vector y, which are computed block by block.
    type, abstract, public :: rows_t
@@ -39,7 +39,8 @@ module beamid_condensation
 
    !> A matrix in memory and a vector.
    type, extends(rows_t) :: matrix_rows_t
-      real(wp), pointer, contiguous :: a(:, :) => null(), y(:) => null()
+      real(wp), pointer :: a(:, :) => null()   !< (m, k)
+      real(wp), pointer :: y(:) => null()      !< (m); null: 0
    contains
       procedure :: fill => copy_rows
    end type matrix_rows_t
@@ -60,9 +61,12 @@ module beamid_condensation
 contains
 
    !> Condenses the rows of A and y.
-   subroutine condense(rows, condensed)
+   !>
+   !> only_factor  whether only the factor is wanted; default .false.
+   subroutine condense(rows, condensed, only_factor)
       class(rows_t), intent(in) :: rows
       type(condensed_t), intent(out) :: condensed
+      logical, intent(in), optional :: only_factor
       real(wp), allocatable :: x(:, :), products(:, :), first(:, :), factor(:, :)
       real(wp) :: condition
       logical :: is_improved
@@ -85,12 +89,15 @@ contains
          call reflect(rows, x, condensed)
          return
       end if
+      condensed%factor = first
+      if (is_improved) condensed%factor = matmul(factor, first)
+      if (present(only_factor)) then
+         if (only_factor) return
+      end if
       if (is_improved) then
          call project(rows, x, products(:k, k + 1), factor, condensed, first)
-         condensed%factor = matmul(factor, first)
       else
          call project(rows, x, products(:k, k + 1), first, condensed)
-         condensed%factor = first
       end if
    end subroutine condense
 
@@ -261,7 +268,7 @@ contains
 
    !> Condenses a matrix a (m, k) and a vector y (m).
    subroutine condense_matrix(a, y, condensed)
-      real(wp), intent(in), target, contiguous :: a(:, :), y(:)
+      real(wp), intent(in), target :: a(:, :), y(:)
       type(condensed_t), intent(out) :: condensed
       type(matrix_rows_t) :: rows
 
@@ -272,6 +279,22 @@ contains
       call condense(rows, condensed)
    end subroutine condense_matrix
 
+   !> Returns an upper triangle R (k, k), 0 below, with R'R = a'a.
+   !>
+   !> a  (m, k)
+   function factor_of(a) result(factor)
+      real(wp), intent(in), target :: a(:, :)
+      real(wp) :: factor(size(a, 2), size(a, 2))
+      type(matrix_rows_t) :: rows
+      type(condensed_t) :: condensed
+
+      rows%rows = size(a, 1)
+      rows%columns = size(a, 2)
+      rows%a => a
+      call condense(rows, condensed, only_factor=.true.)
+      factor = condensed%factor
+   end function factor_of
+
    !> Copies a block of rows of a matrix and a vector.
    subroutine copy_rows(self, first, x)
       class(matrix_rows_t), intent(in) :: self
@@ -281,7 +304,8 @@ contains
 
       n = min(block_rows, self%rows - first + 1)
       x(:n, :self%columns) = self%a(first:first + n - 1, :)
-      x(:n, self%columns + 1) = self%y(first:first + n - 1)
+      x(:n, self%columns + 1) = 0
+      if (associated(self%y)) x(:n, self%columns + 1) = self%y(first:first + n - 1)
    end subroutine copy_rows
 
    !> Reflects a matrix into an upper triangle.

@@ -5,7 +5,7 @@
 !> and t e**(s t) are far from parallel.
 module beamid_decay_rows
    use beamid_condensation, only: condense, condensed_t, rows_t
-   use beamid_kernels, only: block_rows, decay_t, new_decay
+   use beamid_kernels, only: block_rows, combine_columns, decay_t, new_decay
    use beamid_kinds, only: wp
    implicit none
    private
@@ -23,6 +23,7 @@ module beamid_decay_rows
    contains
       procedure :: fill
       procedure :: condensed
+      procedure :: expand
    end type decay_rows_t
 
 contains
@@ -111,5 +112,39 @@ contains
          found%factor(:, b + 4) = a(:, 4) + self%middle(k)*a(:, 2)
       end do
    end function condensed
+
+   !> Computes all rows of the residuals and of derivatives.
+   !>
+   !> weights  (b, 1 + n) of the basis, in the order of `condensed`; the first column is that of the
+   !>          residuals, which are the basis times weights minus the record
+   !> r        (m) residuals
+   !> jac      (m, n) derivatives
+   subroutine expand(self, weights, r, jac)
+      class(decay_rows_t), intent(in) :: self
+      real(wp), intent(in) :: weights(:, :)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+      real(wp) :: x(block_rows, self%columns + 1), y(block_rows, size(weights, 2)), &
+         of_columns(self%columns, size(weights, 2))
+      integer :: b, first, k, n
+
+      of_columns = weights
+      do k = 1, size(self%motions)
+         b = 4*(k - 1)
+         of_columns(b + 1, :) = weights(b + 1, :) + self%middle(k)*weights(b + 2, :)
+         of_columns(b + 2, :) = weights(b + 3, :) + self%middle(k)*weights(b + 4, :)
+         of_columns(b + 3, :) = weights(b + 2, :)
+      end do
+      do first = 1, self%rows, block_rows
+         call self%fill(first, x)
+         y = 0
+         y(:, 1) = x(:, self%columns + 1)
+         call combine_columns(x, self%columns, of_columns, size(weights, 2), y)
+         n = min(block_rows, self%rows - first + 1)
+         r(first:first + n - 1) = y(:n, 1)
+         do k = 1, size(jac, 2)
+            jac(first:first + n - 1, k) = y(:n, k + 1)
+         end do
+      end do
+   end subroutine expand
 
 end module beamid_decay_rows

@@ -4,7 +4,7 @@
 !> functions, the basis, with weights that depend on the parameters p. `beamid_projection`
 !> eliminates c.
 module beamid_linear_unknowns
-   use beamid_condensation, only: condense_matrix, condensed_t, few_rows
+   use beamid_condensation, only: condense_matrix, condensed_t, few_rows, rows_t
    use beamid_kinds, only: wp
    implicit none
    private
@@ -16,6 +16,9 @@ module beamid_linear_unknowns
    type :: linear_t
       real(wp), allocatable :: basis(:, :)        !< (m, b) basis functions at the data
       real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters) 0: Phi; p: dPhi/dp
+      !> all rows of the basis and of the residuals, block by block, if `basis` is condensed and
+      !> they are known in this way
+      class(rows_t), allocatable :: rows
    contains
       procedure :: columns
       procedure :: complete
@@ -49,16 +52,17 @@ contains
 
    !> Adds (dPhi/dp) c to column p of dy, for every parameter p.
    !>
-   !> c      (k) values of the linear unknowns
-   !> r      (m) residuals
-   !> dy     (m, parameters) derivatives of the residuals
-   !> along  (k, parameters) products (dPhi/dp)'r, which variable projection needs
-   pure subroutine add_change(self, c, r, dy, along)
+   !> c       (k) values of the linear unknowns
+   !> r       (m) residuals
+   !> dy      (m, parameters) derivatives of the residuals
+   !> along   (k, parameters) products (dPhi/dp)'r, which variable projection needs
+   !> change  (b, parameters) weights of the basis in (dPhi/dp) c
+   pure subroutine add_change(self, c, r, dy, along, change)
       class(linear_t), intent(in) :: self
       real(wp), intent(in) :: c(:), r(:)
       real(wp), intent(inout) :: dy(:, :)
-      real(wp), intent(out) :: along(:, :)
-      real(wp) :: products(size(self%basis, 2)), change(size(self%basis, 2), size(dy, 2))
+      real(wp), intent(out) :: along(:, :), change(:, :)
+      real(wp) :: products(size(self%basis, 2))
       integer :: p
 
       products = matmul(r, self%basis)

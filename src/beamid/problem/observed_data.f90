@@ -48,6 +48,8 @@ module beamid_observed_data
    contains
       procedure(evaluate_data), deferred :: evaluate
       procedure :: condense => condense_rows
+      procedure :: has_rows => has_no_rows
+      procedure :: expand => expand_nothing
       procedure :: times => no_times
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
@@ -121,6 +123,29 @@ contains
       call linear%complete(size(y), size(parameters))
       call linear%condense(y, dy)
    end subroutine condense_rows
+
+   !> Returns whether `condense` can tell all rows block by block.
+   !>
+   !> excitation  of the experiment
+   pure logical function has_no_rows(self, excitation)
+      class(observed_data_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_no_rows = .false.
+   end function has_no_rows
+
+   !> Computes all rows from weights of the basis.
+   !>
+   !> linear   from `condense`, with `rows`
+   !> weights  (b, 1 + n) of the basis in the residuals and in n derivatives
+   !> r        (m) residuals
+   !> jac      (m, n) derivatives
+   subroutine expand_nothing(self, linear, weights, r, jac)
+      class(observed_data_t), intent(in), target :: self
+      type(linear_t), intent(inout) :: linear
+      real(wp), intent(in) :: weights(:, :)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+   end subroutine expand_nothing
 
    !> Returns the time of each value (m) [time]; an empty array for data that are not a function of
    !> time. Their noise has no order in time, and they have no spectral lines.

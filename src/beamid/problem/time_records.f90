@@ -29,6 +29,8 @@ module beamid_time_records
    contains
       procedure :: evaluate
       procedure :: condense
+      procedure :: has_rows
+      procedure :: expand
       procedure :: times => record_times
       procedure :: kind
       procedure :: keep_beginning
@@ -169,20 +171,19 @@ contains
       type(free_mode_t), allocatable :: modes(:)
       type(seen_modes_t) :: before
       type(decay_rows_t) :: rows
-      logical :: has_rows
+      logical :: is_decay
       integer :: k
 
       before = first
-      has_rows = excitation%modes > 0 .and. size(self%measured) >= few_rows .and. &
-         self%sampling%observation%formula == from_acceleration
-      if (has_rows) then
+      is_decay = self%has_rows(excitation)
+      if (is_decay) then
          equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
          call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
             error)
          if (allocated(error)) return
-         has_rows = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
+         is_decay = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
       end if
-      if (.not. has_rows) then
+      if (.not. is_decay) then
          first = before
          call condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
             linear, work, error, first)
@@ -193,7 +194,32 @@ contains
       call set_weights(modes, from_acceleration, size(parameters), offset, linear)
       allocate (dy(0, size(parameters)))
       call linear%take_condensed(rows%condensed(), y, dy, 0)
+      allocate (linear%rows, source=rows)
    end subroutine condense
+
+   !> Returns whether the record is long and a free decay.
+   pure logical function has_rows(self, excitation)
+      class(time_record_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_rows = excitation%modes > 0 .and. size(self%measured) >= few_rows .and. &
+         self%sampling%observation%formula == from_acceleration
+   end function has_rows
+
+   !> Computes all rows of a free decay. Arguments as of `observed_data_t`.
+   subroutine expand(self, linear, weights, r, jac)
+      class(time_record_t), intent(in), target :: self
+      type(linear_t), intent(inout) :: linear
+      real(wp), intent(in) :: weights(:, :)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+
+      select type (rows => linear%rows)
+      type is (decay_rows_t)
+         rows%times => self%sampling%sample_times
+         rows%measured => self%measured
+         call rows%expand(weights, r, jac)
+      end select
+   end subroutine expand
 
    !> Finds the free modes as this channel measures them. Arguments as of `evaluate`.
    !>

@@ -9,7 +9,7 @@ module beamid_kernels
    implicit none
    private
 
-   public :: decay_t, new_decay, add_products, subtract_columns
+   public :: decay_t, new_decay, add_products, combine_columns, lagged_products, subtract_columns
 
    !> Number of rows of a block.
    integer, parameter, public :: block_rows = 128
@@ -270,5 +270,50 @@ contains
       end do
       total = total + a
    end subroutine subtract_columns
+
+   !> Adds combinations of columns to other columns.
+   !>
+   !> x        (block_rows, k)
+   !> weights  (k, n)
+   !> y        (block_rows, n) on return plus x weights
+   pure subroutine combine_columns(x, k, weights, n, y)
+      integer, intent(in) :: k, n
+      real(wp), intent(in) :: x(block_rows, k), weights(k, n)
+      real(wp), intent(inout) :: y(block_rows, n)
+      integer :: i, j, l
+
+      do l = 1, n
+         do j = 1, k
+            if (.not. abs(weights(j, l)) > 0) cycle
+            !$omp simd
+            do i = 1, block_rows
+               y(i, l) = y(i, l) + weights(j, l)*x(i, j)
+            end do
+         end do
+      end do
+   end subroutine combine_columns
+
+   !> Returns the sums of x(i) x(i + k) over i, for k = 1, ..., lags.
+   !>
+   !> x  (m)
+   pure function lagged_products(x, lags) result(products)
+      real(wp), intent(in), contiguous :: x(:)
+      integer, intent(in) :: lags
+      real(wp) :: products(lags), a
+      integer :: first, i, k, m
+
+      m = size(x)
+      products = 0
+      do first = 1, m, 4*block_rows
+         do k = 1, lags
+            a = 0
+            !$omp simd reduction(+:a)
+            do i = first, min(first + 4*block_rows - 1, m - k)
+               a = a + x(i)*x(i + k)
+            end do
+            products(k) = products(k) + a
+         end do
+      end do
+   end function lagged_products
 
 end module beamid_kernels
