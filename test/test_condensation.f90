@@ -3,6 +3,7 @@
 program test_condensation
    use beamid_autoregression, only: new_autoregression
    use beamid_condensation, only: condense_matrix, condensed_t, few_rows
+   use beamid_decay_rows, only: decay_rows_t, new_decay_rows
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
@@ -10,6 +11,7 @@ program test_condensation
    use beamid_identification, only: model_t
    use beamid_kernels, only: block_rows, decay_t, new_decay
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgels, dgesv
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
@@ -28,6 +30,7 @@ program test_condensation
 
    call test_exponentials()
    call test_decompositions()
+   call test_ill_conditioned()
    call test_one_record()
    call test_noise_free()
    call test_formulas()
@@ -149,6 +152,124 @@ contains
       remainder = norm2(r)
    end function remainder
 
+   !> 200 decays of two modes that are close, over a few periods, with stamps up to 1e4 s and 1 % of
+   !> noise, against normal equations in quadruple precision. The distance is that of the linear
+   !> unknowns in standard errors.
+   subroutine test_ill_conditioned()
+      integer, parameter :: m = few_rows + 50, columns = 9, records = 200
+      real(wp), target :: t(m), z(m)
+      real(wp) :: u(records, 5), distance, condition, by_reflections
+      real(wp), dimension(records) :: conditions, distances, excess
+      real(quad) :: basis(m, columns)
+      complex(wp) :: s(2)
+      type(decay_rows_t) :: rows
+      integer :: j, k
+
+      u = reshape(uniform_noise(records*5, 12), [records, 5])
+      do k = 1, records
+         s(1) = cmplx(-10**(-2*u(k, 1)), 31.4_wp, wp)
+         s(2) = s(1)*(1 + 10**(-0.3_wp - 2.5_wp*u(k, 2)))
+         t = 10**(4*u(k, 3)) + (1 + 4*u(k, 4))*0.2_wp*([(j, j=1, m)] + 0.6_wp*uniform_noise(m, &
+            100 + k))/m
+         call quad_basis(s, t, basis)
+         z = real(matmul(basis, real([3.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, -2.0_wp, 0.0_wp, 2.0_wp, &
+            0.0_wp, 0.4_wp], quad)), wp)
+         z = z + 0.01_wp*norm2(z)/sqrt(real(m, wp))*gaussian_noise(m, 1.0_wp, 500 + k)
+         rows = new_decay_rows(s, t(1), 1.0_wp, t, z)
+         call compare_with_quad(basis, z, rows%condensed(), distance, by_reflections, condition)
+         conditions(k) = condition
+         distances(k) = distance
+         excess(k) = distance/max(by_reflections, 1e-7_wp)
+      end do
+      call check('poor: conditions on both sides', count(conditions > 1e6_wp) > 20 .and. &
+         count(conditions <= 1e6_wp) > 100, to_text(maxval(conditions)))
+      call check('poor: up to 1e6', all(distances <= 1e-6_wp .or. conditions > 1e6_wp), &
+         to_text(maxval(distances, mask=conditions <= 1e6_wp))//' standard errors')
+      call check('poor: beyond that, as close as reflections', all(excess <= 10), &
+         to_text(maxval(distances))//' standard errors, '//to_text(maxval(excess)))
+   end subroutine test_ill_conditioned
+
+   !> The basis of a decay with an offset, in the order of `decay_rows_t%condensed`.
+   subroutine quad_basis(s, t, basis)
+      complex(wp), intent(in) :: s(2)
+      real(wp), intent(in) :: t(:)
+      real(quad), intent(out) :: basis(:, :)
+      complex(quad) :: motion(size(t))
+      real(quad) :: tau(size(t))
+      integer :: k
+
+      tau = t - t(1)
+      do k = 1, 2
+         motion = exp(cmplx(s(k), kind=quad)*tau)
+         basis(:, 4*k - 3) = real(motion)
+         basis(:, 4*k - 2) = tau*real(motion)
+         basis(:, 4*k - 1) = aimag(motion)
+         basis(:, 4*k) = tau*aimag(motion)
+      end do
+      basis(:, 9) = 1
+   end subroutine quad_basis
+
+   !> Distances of the best c of |basis c - z| from that in quadruple precision.
+   !>
+   !> condensed       of the basis and -z
+   !> distance        by the condensed rows, in standard errors
+   !> by_reflections  by LAPACK, of the basis in double precision
+   !> condition       estimate for columns of length one
+   subroutine compare_with_quad(basis, z, condensed, distance, by_reflections, condition)
+      real(quad), intent(in) :: basis(:, :)
+      real(wp), intent(in) :: z(:)
+      type(condensed_t), intent(in) :: condensed
+      real(wp), intent(out) :: distance, by_reflections, condition
+      real(quad), dimension(size(basis, 2), size(basis, 2)) :: r, inverse
+      real(quad) :: b(size(basis, 1), size(basis, 2)), c(size(basis, 2)), length(size(basis, 2))
+      real(wp) :: a(size(basis, 1), size(basis, 2)), y(size(z), 1), noise, work(64*size(basis, 2))
+      real(wp) :: factor(size(basis, 2), size(basis, 2))
+      integer :: i, info, j, n, pivots(size(basis, 2))
+
+      n = size(basis, 2)
+      length = norm2(basis, dim=1)
+      b = basis/spread(length, 1, size(z))
+      r = matmul(transpose(b), b)
+      do j = 1, n
+         do i = 1, j - 1
+            r(i, j) = (r(i, j) - dot_product(r(:i - 1, i), r(:i - 1, j)))/r(i, i)
+         end do
+         r(j, j) = sqrt(r(j, j) - dot_product(r(:j - 1, j), r(:j - 1, j)))
+         r(j + 1:, j) = 0
+      end do
+      inverse = 0
+      do j = 1, n
+         inverse(j, j) = 1
+         inverse(:, j) = solved(r, inverse(:, j))
+      end do
+      condition = real(norm2(inverse)*sqrt(real(n, quad)), wp)
+      c = matmul(inverse, matmul(transpose(inverse), matmul(transpose(b), real(z, quad))))
+      noise = real(norm2(z - matmul(b, c)), wp)/sqrt(real(size(z) - n, wp))
+      c = c/length
+      r = r*spread(length, 1, n)
+      factor = condensed%factor
+      y(:n, 1) = -condensed%y
+      call dgesv(n, 1, factor, n, pivots, y, size(z), info)
+      distance = real(norm2(matmul(r, y(:n, 1) - c)), wp)/noise
+      a = real(b, wp)
+      y(:, 1) = z
+      call dgels('N', size(z), n, 1, a, size(z), y, size(z), work, size(work), info)
+      by_reflections = real(norm2(matmul(r, y(:n, 1)/length - c)), wp)/noise
+   end subroutine compare_with_quad
+
+   !> The solution of r x = b, with an upper triangle r.
+   function solved(r, b) result(x)
+      real(quad), intent(in) :: r(:, :), b(:)
+      real(quad) :: x(size(b))
+      integer :: j
+
+      x = b
+      do j = size(b), 1, -1
+         x(j) = x(j)/r(j, j)
+         x(:j - 1) = x(:j - 1) - x(j)*r(:j - 1, j)
+      end do
+   end function solved
+
    !> The record of a strip with many samples, which are not uniform.
    function long_record(m, formula, seed) result(experiment)
       integer, intent(in) :: m, formula, seed
@@ -183,9 +304,9 @@ contains
       problem%offset = .true.
    end function problem_of
 
-   !> Compares J, J'J, J'r and Gauss and Newton's step of condensed rows with those of all rows, which
-   !> are once computed from the condensed rows and once formed and decomposed by reflections: a
-   !> filter for white noise, which changes nothing, has that effect.
+   !> Compares J, J'J, J'r and Gauss and Newton's step of condensed rows with those of all rows. All
+   !> rows are once computed from the condensed rows, and once formed and decomposed by reflections:
+   !> a filter for white noise, which changes nothing, has that effect.
    subroutine compare(label, problem)
       character(len=*), intent(in) :: label
       type(residual_t), intent(inout) :: problem

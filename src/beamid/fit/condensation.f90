@@ -47,7 +47,7 @@ module beamid_condensation
 
    !> What is left of A and y: |A x + y|**2 = |factor x + y|**2 + left**2 for every x.
    type :: condensed_t
-      real(wp), allocatable :: factor(:, :)   !< (k, k) R, upper triangle; 0 below
+      real(wp), allocatable :: factor(:, :)   !< (k, k) R; from `condense` an upper triangle
       real(wp), allocatable :: y(:)           !< (k) Q'y
       real(wp) :: left = 0                    !< |y - Q Q'y|
    end type condensed_t

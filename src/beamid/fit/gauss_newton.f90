@@ -2,6 +2,7 @@
 !> predicts from a point, the residuals that remain there, and the distance to it. Searches stop by
 !> this distance, and `beamid_optimality` checks their results with it.
 module beamid_gauss_newton
+   use beamid_condensation, only: condense_matrix, condensed_t, few_rows
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgelsy
    use beamid_variables, only: variable_t
@@ -82,7 +83,8 @@ contains
    end function scales_of
 
    !> Minimises |r + jacobian step|, and returns the shortest of the minimising steps, measured in
-   !> relative changes. Uses LAPACK's least squares by QR with column pivoting (`dgelsy`).
+   !> relative changes. Uses LAPACK's least squares by QR with column pivoting (`dgelsy`), for many
+   !> rows after they have been condensed.
    !>
    !> jacobian   (m, n)
    !> residual   (m) r
@@ -97,19 +99,29 @@ contains
       real(wp), intent(out) :: step(:)
       integer, intent(out) :: rank
       real(wp), allocatable :: a(:, :), b(:)
+      type(condensed_t) :: condensed
       real(wp) :: work(67*(size(scales) + 1))
       integer :: columns(count(free)), pivots(count(free)), info, k, m, n
 
       columns = pack([(k, k=1, size(free))], free)
       m = size(residual)
       n = size(columns)
-      allocate (a(m, n), b(max(m, n)))
+      if (m < few_rows) then
+         a = jacobian(:, columns)
+         b = -residual
+      else
+         call condense_matrix(jacobian, residual, condensed)
+         a = condensed%factor(:, columns)
+         b = -condensed%y
+         m = size(b)
+      end if
       do k = 1, n
-         a(:, k) = jacobian(:, columns(k))*scales(columns(k))
+         a(:, k) = a(:, k)*scales(columns(k))
       end do
-      b(:m) = -residual
+      if (m < n) b = [b, spread(0.0_wp, 1, n - m)]
       pivots = 0
-      call dgelsy(m, n, 1, a, m, b, size(b), pivots, threshold, rank, work, size(work), info)
+      call dgelsy(m, n, 1, a, max(1, m), b, size(b), pivots, threshold, rank, work, size(work), &
+         info)
       step = 0
       step(columns) = b(:n)*scales(columns)
    end subroutine least_squares_step

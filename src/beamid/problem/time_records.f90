@@ -189,7 +189,7 @@ contains
             linear, work, error, first)
          return
       end if
-      rows = new_decay_rows(modes%s, first%begin, merge(self%scale, 0.0_wp, offset), &
+      rows = new_decay_rows([modes%s], first%begin, merge(self%scale, 0.0_wp, offset), &
          self%sampling%sample_times, self%measured)
       call set_weights(modes, from_acceleration, size(parameters), offset, linear)
       allocate (dy(0, size(parameters)))
