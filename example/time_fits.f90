@@ -59,15 +59,16 @@ contains
       print '(a,i0)', 'evaluations_of_fit ', found(1)%fit%evaluations
    end subroutine repeat_fits
 
-   !> Residuals and Jacobian (by an integrator: residuals) near the start of the first stage; the
-   !> parameters move a little each time, as in a search: the poles of a structure are kept.
+   !> Residuals and Jacobian (by an integrator: residuals) near the start of the first stage: those
+   !> of a search, in condensed rows, are `evaluation`, all rows are `all_rows`. The parameters move
+   !> a little each time, as in a search: the poles of a structure are kept.
    subroutine repeat_evaluations()
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
-      real(wp), allocatable :: p(:), r(:), jac(:, :)
-      real(wp) :: seconds(evaluations)
-      integer :: k
+      real(wp), allocatable :: p(:), r(:), jac(:, :), all_r(:), all_jac(:, :)
+      real(wp), dimension(evaluations) :: seconds, of_all_rows
+      integer :: k, m, n, rows
 
       call new_residuals(case%model, case%meshes(size(case%meshes)), experiments, problem, error)
       if (allocated(error)) error stop error%message
@@ -76,20 +77,32 @@ contains
       problem%offset = case%stages(1)%offset
       call variables_of(case%stages(1), problem%scenario, variables, quantities, error)
       if (allocated(error)) error stop error%message
-      print '(a,i0)', 'samples ', problem%samples()
-      allocate (r(problem%samples()), jac(problem%samples(), size(variables)))
+      m = problem%samples()
+      n = size(variables)
+      rows = m
+      if (problem%exact) rows = problem%condensed_rows(m, n)
+      print '(a,i0)', 'samples ', m
+      allocate (r(rows), jac(rows, n), all_r(m), all_jac(m, n))
       do k = 1, evaluations
-         seconds(k) = now()
          p = variables%start*(1 + 1e-3_wp*sin(real(k, wp)))
+         seconds(k) = now()
          if (problem%exact) then
-            call problem%jacobian(p, r, jac, error)
+            call problem%condensed(p, r, jac, error)
          else
             call problem%residuals(p, r, error)
          end if
          seconds(k) = now() - seconds(k)
          if (allocated(error)) error stop error%message
+         if (.not. problem%exact) cycle
+         p = variables%start*(1 + 1e-3_wp*cos(real(k, wp)))
+         of_all_rows(k) = now()
+         call problem%jacobian(p, all_r, all_jac, error)
+         of_all_rows(k) = now() - of_all_rows(k)
+         if (allocated(error)) error stop error%message
       end do
-      if (evaluations > 0) print '(a,es12.4)', 'evaluation', median(seconds)
+      if (evaluations == 0) return
+      print '(a,es12.4)', 'evaluation', median(seconds)
+      if (problem%exact) print '(a,es12.4)', 'all_rows', median(of_all_rows)
    end subroutine repeat_evaluations
 
    !> The most that the process has held, where the system tells (Linux).

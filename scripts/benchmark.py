@@ -96,10 +96,11 @@ second are done once.
 - All: four Gauss points per element, exact for cubic splines. J is the sum of squares at the
   estimates of the row, by the exact response.
 - Free decay: beamid looks for E, m_S, c_D and gamma of a beam, by its poles and the derivative of
-  Golub and Pereyra, with statistics; SciPy for two frequencies and two dampings, with Kaufman's
-  Jacobian and SciPy's own tolerances (1e-8), without statistics. Both eliminate two amplitudes, two
-  phases and the offset, start at the same motion and must reach the same J: one model, in two sets
-  of four parameters.
+  Golub and Pereyra, with statistics. One of its evaluations gives what a search needs, condensed
+  rows with the same J, J'J and J'r; "all rows" follow once, after the search.
+  SciPy looks for two frequencies and two dampings, with Kaufman's Jacobian and SciPy's own
+  tolerances (1e-8), without statistics. Both eliminate two amplitudes, two phases and the offset,
+  start at the same motion and must reach the same J: one model, in two sets of four parameters.
 - Frequency response: the accelerance of the strip at its sensor, and its derivatives by four
   parameters; NumPy: 16 Hermite elements, one `numpy.linalg.solve` for each line.
 - Posterior: four parameters, every value above 0 as likely as any other beforehand, the noise
@@ -272,8 +273,8 @@ class Beamid:
         return {name: float(value) for name, value in lines}, done.stderr
 
     def seconds(self, case, what, target):
-        """Median time of what is repeated for so long: fit, set_up or evaluation."""
-        fits = what != "evaluation"
+        """Median time of what is repeated for so long: fit, set_up, evaluation or all_rows."""
+        fits = what not in ("evaluation", "all_rows")
         if (case, fits) not in self.counts:
             first = self.clock(case, 3 * fits, 3 * (not fits))[0]
             self.counts[case, fits] = first["fit" if fits else what]
@@ -511,13 +512,16 @@ def part_decay(beamid, _, effort):
     values, plain = np.array(start), peers.PlainDecay(t, y)
     fits = ("beamid, fit", "SciPy, variable projection, Kaufman's Jacobian",
             "SciPy, variable projection, lstsq and differences")
-    evaluations = ("beamid, residuals and Jacobian", "SciPy, residuals and Kaufman's Jacobian")
+    evaluations = ("beamid, residuals and Jacobian",
+                   "SciPy, residuals and Kaufman's Jacobian",
+                   "beamid, all rows of both")
     spent = in_turns({
         fits[0]: partial(beamid.seconds, case, "fit"),
         fits[1]: partial(repeat, lambda: decay.fit(start)),
         fits[2]: partial(repeat, lambda: plain.fit(start)),
         evaluations[0]: partial(beamid.seconds, case, "evaluation"),
         evaluations[1]: partial(repeat, lambda: decay.project(values)),
+        evaluations[2]: partial(beamid.seconds, case, "all_rows"),
         **floor_of(SAMPLES)}, effort)
     spent[FLOOR] = floor(spent)
     rows = [[name, ms(min(spent[name])),
@@ -525,7 +529,8 @@ def part_decay(beamid, _, effort):
             for name in spent for reference in [fits[0] if name in fits else evaluations[0]]]
     table([f"Free decay, {SAMPLES} samples", "ms", "ratio"], rows)
     print(f"\nOne evaluation of beamid takes {ratio(spent, evaluations[0], FLOOR):.2f} times as "
-          "long as the floor.")
+          "long as the floor, and "
+          f"{ratio(spent, evaluations[0], EXPONENTIALS):.2f} times as long as {EXPONENTIALS}.")
 
 
 def part_elements(beamid, arguments, effort):

@@ -6,7 +6,8 @@ program test_frequency_fits
    use beamid_strings, only: to_text
    use case_answers, only: answer_t, identified, nl
    use checks, only: check, check_close, finish, skip
-   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, write_file
+   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, replaced, &
+      write_file
    use tables, only: field, line, number
    implicit none
 
@@ -561,10 +562,11 @@ contains
       real(wp) :: sd
       integer :: column, k, row
 
-      call make_response('fine.csv', at_F//', f_first=4, f_last=300, f_step=0.5 /')
       ! A design chooses positions, so that its mesh has no knots there.
       strip = replaced(beam(), 'degree=5', 'degree=5, knots=''uniform''')
-      answer = identified(strip//at_F//', file=''exact.csv'', sd=0.1 /'//nl//all_four)
+      call make_response('coarse.csv', at_F//band, strip)
+      call make_response('fine.csv', at_F//', f_first=4, f_last=300, f_step=0.5 /', strip)
+      answer = identified(strip//at_F//', file=''coarse.csv'', sd=0.1 /'//nl//all_four)
       fine = identified(strip//at_F//', file=''fine.csv'', sd=0.1 /'//nl//all_four)
       call write_file('plan.nml', strip//plan//nl)
       outcome = beamid('design plan.nml --quiet --out plan')

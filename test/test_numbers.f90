@@ -17,6 +17,7 @@ program test_numbers
    call test_edges()
    call test_zero()
    call test_text()
+   call test_full()
    call finish('numbers')
 
 contains
@@ -35,6 +36,35 @@ contains
       call check('very many per cent', filled('#%', [-1e30_wp]) == '-1E+32 %', &
          filled('#%', [-1e30_wp]))
    end subroutine test_text
+
+   !> Full precision as the runtime writes it: any double, and those on which rounding may go wrong,
+   !> which are next to a power of ten, or in the middle between two numbers of 17 digits.
+   subroutine test_full()
+      character(len=32) :: text
+      real(wp) :: x
+      integer :: trial, k
+
+      wrong = 0
+      first_wrong = ''
+      do trial = 1, 60000
+         select case (mod(trial, 3))
+         case (0)
+            x = random_double()
+         case (1)
+            x = 10.0_wp**(mod(trial, 50) - 28)
+            do k = 1, mod(trial, 4)
+               x = nearest(x, -1.0_wp)
+            end do
+         case default
+            x = sign((pick(1000000) + 0.5_wp)*2.0_wp**(mod(trial, 80) - 60), mod(trial, 2) - 0.5_wp)
+         end select
+         write (text, '(es24.16e3)') x
+         if (full(x) == trim(adjustl(text))) cycle
+         wrong = wrong + 1
+         if (wrong == 1) first_wrong = full(x)//' for '//text
+      end do
+      call check('6 10**4 doubles in full precision', wrong == 0, first_wrong)
+   end subroutine test_full
 
    !> Digits, point and exponent anywhere: short and long ones, inside and outside of what the quick
    !> way takes.

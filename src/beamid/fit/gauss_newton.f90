@@ -2,6 +2,7 @@
 !> predicts from a point, the residuals that remain there, and the distance to it. Searches stop by
 !> this distance, and `beamid_optimality` checks their results with it.
 module beamid_gauss_newton
+   use beamid_condensation, only: condense_matrix, condensed_t, few_rows
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgelsy
    use beamid_variables, only: variable_t
@@ -32,14 +33,19 @@ contains
    !> variables   (n) with their bounds and magnitudes
    !> threshold   relative error of the columns; directions with a smaller relative effect are left
    !>             unchanged
-   function gauss_newton_step(jacobian, residual, parameters, variables, threshold) result(ahead)
+   !> residuals   number of residuals if the rows have been condensed; default: m
+   function gauss_newton_step(jacobian, residual, parameters, variables, threshold, &
+      residuals) result(ahead)
       real(wp), intent(in) :: jacobian(:, :), residual(:), parameters(:), threshold
       type(variable_t), intent(in) :: variables(:)
+      integer, intent(in), optional :: residuals
       type(gauss_newton_t) :: ahead
       real(wp) :: p(size(parameters)), step(size(parameters)), share(size(parameters)), left
       logical :: free(size(parameters))
-      integer :: hit, k, rank
+      integer :: hit, k, m, rank
 
+      m = size(residual)
+      if (present(residuals)) m = residuals
       ! A parameter that the search put on a bound may lie beyond it by round-off.
       p = min(max(parameters, variables%lower), variables%upper)
       free = .true.
@@ -63,7 +69,7 @@ contains
       ahead%step = p - parameters
       left = sum(ahead%residual**2)
       ahead%distance = sqrt(max(0.0_wp, sum(residual**2) - left) &
-         /max(left/max(1, size(residual) - size(p)), tiny(left)))
+         /max(left/max(1, m - size(p)), tiny(left)))
    end function gauss_newton_step
 
    !> Returns the scale, (n), of relative changes of each parameter: the larger of its absolute
@@ -77,7 +83,8 @@ contains
    end function scales_of
 
    !> Minimises |r + jacobian step|, and returns the shortest of the minimising steps, measured in
-   !> relative changes. Uses LAPACK's least squares by QR with column pivoting (`dgelsy`).
+   !> relative changes. Uses LAPACK's least squares by QR with column pivoting (`dgelsy`), for many
+   !> rows after they have been condensed.
    !>
    !> jacobian   (m, n)
    !> residual   (m) r
@@ -92,19 +99,29 @@ contains
       real(wp), intent(out) :: step(:)
       integer, intent(out) :: rank
       real(wp), allocatable :: a(:, :), b(:)
+      type(condensed_t) :: condensed
       real(wp) :: work(67*(size(scales) + 1))
       integer :: columns(count(free)), pivots(count(free)), info, k, m, n
 
       columns = pack([(k, k=1, size(free))], free)
       m = size(residual)
       n = size(columns)
-      allocate (a(m, n), b(max(m, n)))
+      if (m < few_rows) then
+         a = jacobian(:, columns)
+         b = -residual
+      else
+         call condense_matrix(jacobian, residual, condensed)
+         a = condensed%factor(:, columns)
+         b = -condensed%y
+         m = size(b)
+      end if
       do k = 1, n
-         a(:, k) = jacobian(:, columns(k))*scales(columns(k))
+         a(:, k) = a(:, k)*scales(columns(k))
       end do
-      b(:m) = -residual
+      if (m < n) b = [b, spread(0.0_wp, 1, n - m)]
       pivots = 0
-      call dgelsy(m, n, 1, a, m, b, size(b), pivots, threshold, rank, work, size(work), info)
+      call dgelsy(m, n, 1, a, max(1, m), b, size(b), pivots, threshold, rank, work, size(work), &
+         info)
       step = 0
       step(columns) = b(:n)*scales(columns)
    end subroutine least_squares_step

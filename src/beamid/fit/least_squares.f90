@@ -79,9 +79,10 @@ contains
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
       character(len=:), allocatable :: objection, note
-      real(wp), allocatable :: at_start, at_end
+      ! (rows) and (rows, n) at the estimate; condensed, if the problem can condense its rows
+      real(wp), allocatable :: at_start, at_end, residual(:), jacobian(:, :)
       logical :: must_compare
-      integer :: attempt, info, k
+      integer :: attempt, info, k, rows
 
       if (m < size(variables)) then
          call failure(error, 'least squares: '//to_text(m)//' residuals for '// &
@@ -90,12 +91,18 @@ contains
       end if
       call prepare()
       allocate (result%residual(m), result%jacobian(m, size(variables)))
+      allocate (residual(rows), jacobian(rows, size(variables)))
       result%start = variables%start
       must_compare = associated(search%smooth) .and. options%check
       if (must_compare) then
-         call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call check_derivatives(result%start, &
-            search%evaluated(search%here)%jacobian, at_start)
+         if (rows < m) then
+            search%evaluations = search%evaluations + 1
+            call search%smooth%jacobian(result%start, result%residual, result%jacobian, error)
+         else
+            call search%evaluate_at(result%start, result%residual, error)
+            if (.not. allocated(error)) result%jacobian = search%evaluated(search%here)%jacobian
+         end if
+         if (.not. allocated(error)) call check_derivatives(result%start, at_start)
          if (allocated(error)) return
       end if
       do attempt = 1, size(first_steps)
@@ -106,12 +113,12 @@ contains
          if (allocated(error)) return
          objection = ''
          if (info == 0 .or. info == 5 .or. options%rough) exit
-         call check_minimum(search, options, result%start, result%estimate, result%residual, &
-            result%jacobian, objection, note, error)
+         call check_minimum(search, options, result%start, result%estimate, residual, jacobian, &
+            objection, note, error)
          if (allocated(error)) return
          if (objection == '') exit
       end do
-      result%J = sum(result%residual**2)
+      result%J = sum(residual**2)
       result%iterations = search%iterations
       result%evaluations = search%evaluations
       result%shortened = search%shortened
@@ -124,8 +131,9 @@ contains
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (.not. must_compare) return
-      call check_derivatives(result%estimate, result%jacobian, at_end)
+      call find_all_rows()
+      if (allocated(error) .or. .not. must_compare) return
+      call check_derivatives(result%estimate, at_end)
       if (allocated(at_start) .and. allocated(at_end)) result%derivative_check = [at_start, at_end]
 
    contains
@@ -133,9 +141,12 @@ contains
       !> Connects a search with its problem, its variables and the receiver of its reports.
       subroutine prepare()
          search%problem => problem
+         search%residuals = m
+         rows = m
          select type (problem)
          class is (smooth_problem_t)
             if (problem%exact) search%smooth => problem
+            if (problem%exact) rows = problem%condensed_rows(m, size(variables))
          end select
          if (present(monitor)) search%monitor => monitor
          search%label = ''
@@ -155,18 +166,17 @@ contains
       !> Compares exact derivatives with central differences, because a fit with wrong derivatives
       !> is wrong.
       !>
-      !> parameters  (n) physical values
-      !> jacobian    (m, n) at the parameters
+      !> parameters  (n) physical values at which `result` has the Jacobian
       !> difference  largest relative difference of a column; not allocated if the differences
       !>             cannot be computed
-      subroutine check_derivatives(parameters, jacobian, difference)
-         real(wp), intent(in) :: parameters(:), jacobian(:, :)
+      subroutine check_derivatives(parameters, difference)
+         real(wp), intent(in) :: parameters(:)
          real(wp), allocatable, intent(out) :: difference
          character(len=:), allocatable :: name
          integer :: k
 
-         call compare_derivatives(search%problem, parameters, search%variables, jacobian, &
-            difference, k)
+         call compare_derivatives(search%problem, parameters, search%variables, &
+            result%jacobian, difference, k)
          if (k == 0) return
          name = trim(search%names(k))
          if (name == '') name = 'parameter '//to_text(k)
@@ -186,7 +196,7 @@ contains
          if (size(search%variables) == 0) then
             ! All unknowns enter linearly and are eliminated.
             result%estimate = search%parameters
-            call search%problem%residuals(search%parameters, result%residual, error)
+            call find_residual()
             info = nothing_to_search
             return
          end if
@@ -199,9 +209,9 @@ contains
             allocate (z(size(search%moving)), source=1.0_wp)
             search%near_bound = 0
             search%iterations_at_bound = 0
-            call run_search(search, options, tolerance, z, result%residual, info)
+            call run_search(search, options, tolerance, z, residual, info)
             if (info == 5 .and. options%persistent .and. associated(search%smooth)) &
-               call search_by_newton(search, z, result%residual, info)
+               call search_by_newton(search, z, residual, info)
             if (allocated(search%error)) then
                call move_alloc(search%error, error)
                return
@@ -216,7 +226,7 @@ contains
                search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
                search%moving = pack(search%moving, search%moving /= k)
                if (size(search%moving) > 0) cycle
-               call search%problem%residuals(search%parameters, result%residual, error)
+               call find_residual()
                if (allocated(error)) return
                info = 4
             end if
@@ -230,15 +240,33 @@ contains
          if (.not. associated(search%smooth)) call polish()
       end subroutine minimise_with_bounds
 
+      !> Computes the residuals at the parameters of a search that has no variable to move.
+      subroutine find_residual()
+         call search%problem%residuals(search%parameters, result%residual, error)
+         if (allocated(error)) return
+         residual = 0
+         if (rows == m) residual = result%residual
+         if (rows < m) residual(1) = norm2(result%residual)
+      end subroutine find_residual
+
+      !> Computes all rows of the residuals and of the Jacobian at the estimate.
+      subroutine find_all_rows()
+         if (rows < m) then
+            call search%smooth%jacobian(result%estimate, result%residual, result%jacobian, error)
+         else
+            result%residual = residual
+            result%jacobian = jacobian
+         end if
+      end subroutine find_all_rows
+
       !> Computes the Jacobian at the parameters of a search.
       subroutine find_jacobian()
          if (associated(search%smooth)) then
-            call search%evaluate_at(search%parameters, result%residual, error)
-            if (.not. allocated(error)) result%jacobian = &
-               search%evaluated(search%here)%jacobian
+            call search%evaluate_at(search%parameters, residual, error)
+            if (.not. allocated(error)) jacobian = search%evaluated(search%here)%jacobian
          else
             call differences(search%problem, search%parameters, search%variables, &
-               search%relative_error, result%jacobian, error)
+               search%relative_error, jacobian, error)
          end if
       end subroutine find_jacobian
 
@@ -248,9 +276,9 @@ contains
       !> than the error of the residuals.
       subroutine polish()
          integer, parameter :: most = 30
-         real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
+         real(wp) :: p(size(search%variables)), r(size(residual)), length, before
          real(wp), allocatable :: a(:, :), step(:, :)
-         real(wp) :: work(64*(size(result%residual) + size(search%moving)))
+         real(wp) :: work(64*(size(residual) + size(search%moving)))
          type(error_t), allocatable :: error
          integer :: k, m, n, info
 
@@ -259,8 +287,8 @@ contains
          if (n == 0) return
          before = huge(before)
          do k = 1, most
-            a = result%jacobian(:, search%moving)
-            step = reshape(-result%residual, [m, 1])
+            a = jacobian(:, search%moving)
+            step = reshape(-residual, [m, 1])
             call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
             if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
             p = result%estimate
@@ -271,9 +299,9 @@ contains
             call search%problem%residuals(p, r, error)
             search%evaluations = search%evaluations + 1
             if (allocated(error)) return
-            if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
+            if (sum(r**2) > sum(residual**2)*(1 + 1e-6_wp)) return
             result%estimate = p
-            result%residual = r
+            residual = r
             if (length <= 1e-9_wp) return
             before = length
          end do
@@ -286,7 +314,7 @@ contains
 
          do k = 1, size(search%variables)
             if (any(search%moving == k)) cycle
-            slope = dot_product(result%jacobian(:, k), result%residual)
+            slope = dot_product(jacobian(:, k), residual)
             if (search%parameters(k) >= search%variables(k)%upper) slope = -slope
             if (slope < 0) return
          end do

@@ -71,7 +71,7 @@ contains
       do k = 1, max_iterations
          call find_step(model, radius, step, predicted, shift)
          inside = .not. shift > 0
-         variance = 2*model%half_J/max(1, size(r) - size(z))
+         variance = 2*model%half_J/max(1, search%residuals - size(z))
          next = z + step
          call residuals_at(search, next, next_r, error)
          do n = 1, max_corrections

@@ -34,8 +34,8 @@ contains
    !> search     on return with the parameters from which to continue, the estimate or the start
    !> start      (n) where the first search began
    !> estimate   (n) where the search has ended
-   !> residual   (m) there
-   !> jacobian   (m, n) there
+   !> residual   (rows) there, condensed or not
+   !> jacobian   (rows, n) there
    !> objection  the reason why the estimate is no minimum; '': none
    !> note       how far the search has stopped short of its tolerance; '': it has not
    !> error      the derivatives at the start cannot be computed
@@ -56,7 +56,7 @@ contains
       if (size(search%moving) == 0) return
       associate (moving => search%moving)
          ahead = gauss_newton_step(jacobian(:, moving), residual, estimate(moving), &
-            search%variables(moving), jacobian_error(search, size(residual)))
+            search%variables(moving), jacobian_error(search), search%residuals)
       end associate
       scales = scales_of(search%variables, estimate)
       share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
@@ -67,7 +67,7 @@ contains
       visible = max(options%tolerance, 1000*options%relative_error) &
          *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
       visible = max(visible**2, options%tolerance*J)
-      variance = J/max(1, size(residual) - size(estimate))
+      variance = J/max(1, search%residuals - size(estimate))
       if (search%failures_in_a_row > 0) then
          objection = ', but the model cannot be computed at the next steps'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
@@ -107,7 +107,7 @@ contains
       if (any(search%variables%is_at_bound(estimate))) return
       allocate (jacobian(size(residual), size(start)), r(size(residual)))
       if (associated(search%smooth)) then
-         call search%smooth%jacobian(start, r, jacobian, error)
+         call search%smooth%condensed(start, r, jacobian, error)
       else
          r = residual
          call differences(search%problem, start, search%variables, search%relative_error, &
@@ -115,18 +115,17 @@ contains
       end if
       if (allocated(error)) return
       ahead = gauss_newton_step(jacobian, r, start, search%variables, &
-         clearly*jacobian_error(search, size(r)))
+         clearly*jacobian_error(search), search%residuals)
       if (ahead%rank <= rank) return
       objection = ', but parameters that had an effect at the start have none at the end'
       search%parameters = start
    end subroutine check_lost_effects
 
-   !> Returns the relative error of the columns of a Jacobian of m rows.
-   real(wp) function jacobian_error(search, m)
+   !> Returns the relative error of the columns of a Jacobian.
+   real(wp) function jacobian_error(search)
       type(search_t), intent(in) :: search
-      integer, intent(in) :: m
 
-      jacobian_error = m*epsilon(jacobian_error)
+      jacobian_error = search%residuals*epsilon(jacobian_error)
       if (.not. associated(search%smooth)) jacobian_error = error_of_differences( &
          search%relative_error)
    end function jacobian_error

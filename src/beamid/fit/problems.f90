@@ -21,6 +21,8 @@ module beamid_problems
       logical :: exact = .true.
    contains
       procedure(jacobian), deferred :: jacobian
+      procedure :: condensed_rows => all_rows
+      procedure :: condensed => all_of_jacobian
    end type smooth_problem_t
 
    abstract interface
@@ -52,6 +54,31 @@ module beamid_problems
    end interface
 
 contains
+
+   !> Returns the number of rows of `condensed`: m, unless a problem has fewer.
+   !>
+   !> m  number of residuals
+   !> n  number of parameters
+   pure integer function all_rows(self, m, n)
+      class(smooth_problem_t), intent(in) :: self
+      integer, intent(in) :: m, n
+
+      all_rows = m
+   end function all_rows
+
+   !> Computes residuals and derivatives that a search uses in place of those of `jacobian`. They
+   !> have the same J'J, J'r and r'r, but may have fewer rows. Here they are the same.
+   !>
+   !> r    (condensed_rows)
+   !> jac  (condensed_rows, n)
+   subroutine all_of_jacobian(self, parameters, r, jac, error)
+      class(smooth_problem_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%jacobian(parameters, r, jac, error)
+   end subroutine all_of_jacobian
 
    !> Compares a Jacobian, column by column, with central differences of the residuals.
    !>

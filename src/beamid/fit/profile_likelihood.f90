@@ -43,7 +43,7 @@ module beamid_profile_likelihood
       real(wp) :: J_min = 0                                 !< least sum of squares
       real(wp) :: rise = 1                                  !< of J at the end of the interval
    contains
-      procedure :: residuals, jacobian
+      procedure :: residuals, jacobian, condensed_rows, condensed
    end type section_t
 
    !> Distance between two points that the steps aim at, as in `side_t`.
@@ -368,6 +368,28 @@ contains
       jac(:, :self%fixed - 1) = full(:, :self%fixed - 1)
       jac(:, self%fixed:) = full(:, self%fixed + 1:)
    end subroutine jacobian
+
+   !> Returns the number of condensed rows: those of the problem with all n parameters.
+   pure integer function condensed_rows(self, m, n)
+      class(section_t), intent(in) :: self
+      integer, intent(in) :: m, n
+
+      condensed_rows = self%full%condensed_rows(m, n + 1)
+   end function condensed_rows
+
+   !> Does the same as `jacobian`, in condensed rows.
+   subroutine condensed(self, parameters, r, jac, error)
+      class(section_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: full(size(jac, 1), size(jac, 2) + 1)
+
+      call self%full%condensed(all_parameters(self, parameters), r, full, error)
+      if (allocated(error)) return
+      jac(:, :self%fixed - 1) = full(:, :self%fixed - 1)
+      jac(:, self%fixed:) = full(:, self%fixed + 1:)
+   end subroutine condensed
 
    !> Returns all parameters, (n), with the fixed value in its place among the others.
    pure function all_parameters(self, others) result(parameters)

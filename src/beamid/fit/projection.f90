@@ -89,17 +89,23 @@ contains
    !>
    !> along   (k, parameters) (dPhi/dp)'r, where r are the residuals
    !> slopes  (m, parameters) on entry dy/dp + (dPhi/dp) c with c fixed, on return dr/dp
-   subroutine derivatives(self, along, slopes)
+   !> dc      (k, parameters) dc/dp
+   subroutine derivatives(self, along, slopes, dc)
       class(projection_t), intent(in) :: self
       real(wp), intent(in) :: along(:, :)
       real(wp), intent(inout) :: slopes(:, :)
+      real(wp), intent(out), optional :: dc(:, :)
       real(wp) :: b(size(along, 1), size(along, 2))
       integer :: info, k
 
       k = size(b, 1)
       b = along
       call dtrtrs('U', 'T', 'N', k, size(b, 2), self%r, max(1, k), b, max(1, k), info)
-      slopes = slopes - matmul(self%q, matmul(transpose(self%q), slopes) + b)
+      b = matmul(transpose(self%q), slopes) + b
+      slopes = slopes - matmul(self%q, b)
+      if (.not. present(dc)) return
+      call dtrtrs('U', 'N', 'N', k, size(b, 2), self%r, max(1, k), b, max(1, k), info)
+      dc = -b
    end subroutine derivatives
 
 end module beamid_projection

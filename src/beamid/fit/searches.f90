@@ -60,8 +60,8 @@ module beamid_searches
    !> A point at which residuals and exact derivatives were evaluated.
    type :: evaluated_t
       real(wp), allocatable :: parameters(:)    !< (n) physical values
-      real(wp), allocatable :: residual(:)      !< (m)
-      real(wp), allocatable :: jacobian(:, :)   !< (m, n) d residual/d parameter
+      real(wp), allocatable :: residual(:)      !< (rows)
+      real(wp), allocatable :: jacobian(:, :)   !< (rows, n) d residual/d parameter
       real(wp) :: J = huge(1.0_wp)              !< sum of squares
    end type evaluated_t
 
@@ -71,6 +71,8 @@ module beamid_searches
       !> the same problem if it has exact derivatives, otherwise null
       class(smooth_problem_t), pointer :: smooth => null()
       class(monitor_t), pointer :: monitor => null()   !< null: no reports
+      !> number of residuals; the rows of a search are fewer if they are condensed
+      integer :: residuals = 0
       character(len=:), allocatable :: label          !< name of the search in reports
       character(len=24), allocatable :: names(:)      !< (n) names of the parameters
       type(variable_t), allocatable :: variables(:)   !< (n) with their bounds
@@ -143,7 +145,7 @@ contains
    !> tolerance  relative, for the parameters; also for J if the model uses an integrator, because
    !>            then J does not converge to the last digit
    !> z          (moving variables) on entry the start, on return the solution
-   !> r          (m) residuals at the solution
+   !> r          (rows) residuals at the solution
    !> info       MINPACK's code of the reason for stopping; negative: a callback stopped the search
    subroutine run_search(search, options, tolerance, z, r, info)
       type(search_t), intent(inout), target :: search
@@ -209,7 +211,7 @@ contains
          end do
          if (.not. here%J < (1 - small_change)*active%J) then
             ahead = gauss_newton_step(here%jacobian(:, moving), r, here%parameters(moving), &
-               active%variables(moving), m*epsilon(r))
+               active%variables(moving), active%residuals*epsilon(r), active%residuals)
             active%is_settled = ahead%distance <= active%settled_distance .and. &
                ahead%rank == n .and. &
                .not. any(active%variables(moving)%is_at_bound(here%parameters(moving)))
@@ -255,12 +257,13 @@ contains
       fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
    end subroutine lmdif_callback
 
-   !> Computes residuals and, if the problem has exact derivatives, the Jacobian into `evaluated`.
-   !> Most trial steps are accepted, and the derivatives are then needed at the same point. After a
-   !> rejected step the search returns to the point before, which `evaluated` still holds.
+   !> Computes residuals and, if the problem has exact derivatives, the Jacobian into `evaluated`,
+   !> in condensed rows. Most trial steps are accepted, and the derivatives are then needed at the
+   !> same point. After a rejected step the search returns to the point before, which `evaluated`
+   !> still holds.
    !>
    !> parameters  (n) physical values
-   !> r           (m) residuals
+   !> r           (rows) residuals
    !> error       the model fails there, or derivatives are not finite
    subroutine evaluate_at(self, parameters, r, error)
       class(search_t), intent(inout) :: self
@@ -288,7 +291,7 @@ contains
          if (.not. allocated(here%jacobian)) allocate (here%jacobian(size(r), size(parameters)), &
             here%residual(size(r)))
          here%parameters = parameters
-         call self%smooth%jacobian(parameters, here%residual, here%jacobian, error)
+         call self%smooth%condensed(parameters, here%residual, here%jacobian, error)
          if (.not. allocated(error)) then
             if (.not. all(ieee_is_finite(here%jacobian))) call failure(error, &
                'the derivatives are not finite')
@@ -339,7 +342,7 @@ contains
    !> three iterations.
    !>
    !> x  (moving variables)
-   !> r  (m) residuals there
+   !> r  (rows) residuals there
    subroutine watch_bounds(search, x, r, iflag)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: x(:), r(:)

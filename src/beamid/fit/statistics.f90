@@ -2,8 +2,10 @@
 !> correlations, intervals, and the combinations of parameters that the data do not determine.
 !> Independent of the model.
 module beamid_statistics
+   use beamid_condensation, only: factor_of, few_rows
    use beamid_distributions, only: chi_square_tail, normal_quantile, student_quantile
    use beamid_errors, only: error_t, failure
+   use beamid_kernels, only: lagged_products
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesvd
    use beamid_strings, only: fixed, to_text
@@ -263,11 +265,10 @@ contains
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: first(:)
       logical, intent(in), optional :: shared(:), ordered(:)
-      real(wp), allocatable :: influence(:, :), sequence(:)
-      real(wp) :: variance, gamma
+      real(wp), allocatable :: influence(:), sequence(:), pull(:, :), share(:, :), products(:)
+      real(wp) :: gamma(max_lags), variance
       integer :: j, k, m, lags, length
 
-      ! Row i of `influence` is the change of the estimate per unit of residual i.
       m = size(residual)
       lags = min(max_lags, m/2)
       statistics%corrected_error = statistics%std_error
@@ -279,7 +280,6 @@ contains
          statistics%corrected_half_width = statistics%half_width
          return
       end if
-      influence = matmul(jacobian, statistics%covariance)/statistics%variance
       sequence = residual
       length = m
       if (present(ordered)) then
@@ -287,15 +287,24 @@ contains
          if (length < m) where (.not. ordered) sequence = 0
       end if
       if (length <= statistics%parameters) lags = 0
+      gamma(:lags) = [(1 - k/(lags + 1.0_wp), k=1, lags)]*lagged_products(sequence, lags) &
+         /max(1, length - statistics%parameters)
+      k = 0
+      if (present(first)) k = size(first)
+      allocate (pull(k, statistics%parameters), share(k, statistics%parameters))
+      allocate (influence(size(jacobian, 1)))
       do j = 1, statistics%parameters
+         ! Change of the estimate per unit of each residual.
+         influence = 0
+         do k = 1, statistics%parameters
+            influence = influence + (statistics%covariance(k, j)/statistics%variance)*jacobian(:, k)
+         end do
          variance = statistics%covariance(j, j)
          if (present(noise)) variance = variance &
-            + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:, j)**2)
-         do k = 1, lags
-            gamma = dot_product(sequence(:m - k), sequence(k + 1:))/(length - statistics%parameters)
-            variance = variance + 2*(1 - k/(lags + 1.0_wp))*gamma &
-               *dot_product(influence(:m - k, j), influence(k + 1:m, j))
-         end do
+            + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:)**2)
+         products = lagged_products(influence(:m), lags)
+         variance = variance + 2*sum(gamma(:lags)*products)
+         if (present(first)) call find_pulls(influence, residual, first, pull(:, j), share(:, j))
          if (variance <= statistics%covariance(j, j)) cycle
          statistics%corrected_error(j) = sqrt(variance)
          statistics%effective = min(statistics%effective, m*statistics%covariance(j, j)/variance)
@@ -306,8 +315,29 @@ contains
          statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
             max(1.0_wp, statistics%effective - statistics%parameters))
       end if
-      if (present(first)) call add_disagreement(influence, residual, first, shared, statistics)
+      if (present(first)) call add_disagreement(pull, share, shared, statistics)
    end subroutine correct_errors
+
+   !> Computes the contribution of each record to the estimate of a parameter.
+   !>
+   !> influence  (m or more) change of the estimate per unit of residual
+   !> residual   (m) of the data
+   !> first      (R) first row of each record
+   !> pull       (R) contributions
+   !> share      (R) their variances for residuals of variance one
+   pure subroutine find_pulls(influence, residual, first, pull, share)
+      real(wp), intent(in) :: influence(:), residual(:)
+      integer, intent(in) :: first(:)
+      real(wp), intent(out) :: pull(:), share(:)
+      integer :: last, r
+
+      do r = 1, size(first)
+         last = size(residual)
+         if (r < size(first)) last = first(r + 1) - 1
+         pull(r) = dot_product(influence(first(r):last), residual(first(r):last))
+         share(r) = sum(influence(first(r):last)**2)
+      end do
+   end subroutine find_pulls
 
    !> Corrects standard errors for disagreement between records. The contribution of record r to the
    !> estimate, e_r = sum of influence times residual over the record, sums to zero over all R
@@ -315,32 +345,24 @@ contains
    !> each record. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
    !> under the variances that the (coloured) noise gives the e_r.
    !>
-   !> influence  (m, n) change of the estimate per unit of residual
-   !> residual   (samples) of the data
-   !> first      (R) first row of each record
-   !> shared     (n) whether the records have a parameter in common
-   subroutine add_disagreement(influence, residual, first, shared, statistics)
-      real(wp), intent(in) :: influence(:, :), residual(:)
-      integer, intent(in) :: first(:)
+   !> pulls   (R, n) contributions of each record
+   !> shares  (R, n) their variances for residuals of variance one
+   !> shared  (n) whether the records have a parameter in common
+   subroutine add_disagreement(pulls, shares, shared, statistics)
+      real(wp), intent(in) :: pulls(:, :), shares(:, :)
       logical, intent(in) :: shared(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), parameter :: improbable = 0.05_wp
-      real(wp) :: pull(size(first)), variance(size(first)), total
-      integer :: j, last, r, records
+      real(wp) :: pull(size(pulls, 1)), variance(size(pulls, 1)), total
+      integer :: j, records
 
-      records = size(first)
+      records = size(pulls, 1)
       if (records < 2) return
       do j = 1, statistics%parameters
          if (.not. (shared(j) .and. statistics%std_error(j) > 0)) cycle
-         do r = 1, records
-            last = size(residual)
-            if (r < records) last = first(r + 1) - 1
-            associate (g => influence(first(r):last, j))
-               pull(r) = dot_product(g, residual(first(r):last))
-               variance(r) = statistics%variance*sum(g**2)
-            end associate
-         end do
-         variance = variance*(statistics%corrected_error(j)/statistics%std_error(j))**2
+         variance = statistics%variance*shares(:, j) &
+            *(statistics%corrected_error(j)/statistics%std_error(j))**2
+         pull = pulls(:, j)
          where (variance > 0) pull = pull**2/variance
          if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &
             >= improbable) cycle
@@ -362,9 +384,14 @@ contains
       real(wp) :: unused(1, 1)
       integer :: m, n, info
 
-      m = size(jacobian, 1)
       n = size(jacobian, 2)
-      a = jacobian*spread(scale, 1, m)
+      if (size(jacobian, 1) < few_rows) then
+         a = jacobian*spread(scale, 1, size(jacobian, 1))
+      else
+         ! The triangle has the same singular values and right singular vectors.
+         a = factor_of(jacobian)*spread(scale, 1, n)
+      end if
+      m = size(a, 1)
       allocate (singular(n), vt(n, n), work(10*(m + n)))
       call dgesvd('N', 'A', m, n, a, m, singular, unused, 1, vt, n, work, size(work), info)
       direction = transpose(vt)

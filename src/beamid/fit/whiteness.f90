@@ -1,9 +1,11 @@
 !> Tests whether residuals are white noise, and counts their effective number if they are not.
 module beamid_whiteness
+   use beamid_condensation, only: factor_of
    use beamid_distributions, only: chi_square_tail, normal_95
-   use beamid_errors, only: error_t
+   use beamid_kernels, only: lagged_products
    use beamid_kinds, only: wp
-   use beamid_projection, only: new_projection, projection_t
+   use beamid_lapack, only: dtrtrs
+   use beamid_matrices, only: identity
    use beamid_statistics, only: max_lags
    implicit none
    private
@@ -46,9 +48,7 @@ contains
       if (lags < 1 .or. .not. any(abs(residual) > 0)) return
       r = residual - sum(residual)/m
       if (.not. any(abs(r) > 0)) return
-      do k = 1, lags
-         found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
-      end do
+      found%autocorrelation = lagged_products(r, lags)/sum(r**2)
       allocate (expected(lags), source=0.0_wp)
       if (present(jacobian)) call expected_autocorrelation(jacobian, expected)
       found%band = normal_95/sqrt(real(m, wp))
@@ -93,18 +93,24 @@ contains
    subroutine expected_autocorrelation(jacobian, autocorrelation)
       real(wp), intent(in) :: jacobian(:, :)
       real(wp), intent(out) :: autocorrelation(:)
-      type(projection_t) :: projection
-      type(error_t), allocatable :: error
-      integer :: k, m
+      real(wp) :: factor(size(jacobian, 2), size(jacobian, 2)), inverse(size(jacobian, 2), &
+         size(jacobian, 2)), q(size(jacobian, 1))
+      integer :: info, j, k, n
 
       autocorrelation = 0
-      m = size(jacobian, 1)
-      if (m <= size(jacobian, 2) .or. any(.not. norm2(jacobian, dim=1) > 0)) return
-      call new_projection(jacobian/spread(norm2(jacobian, dim=1), 1, m), projection, error)
-      if (allocated(error)) return
-      do k = 1, size(autocorrelation)
-         autocorrelation(k) = -sum(projection%q(:m - k, :)*projection%q(k + 1:, :)) &
-            /(m - size(jacobian, 2))
+      n = size(jacobian, 2)
+      if (n == 0 .or. size(q) <= n) return
+      factor = factor_of(jacobian)
+      if (any([(.not. abs(factor(j, j)) > 1e-10_wp*norm2(factor(:, j)), j=1, n)])) return
+      ! The columns of jacobian inverse are orthonormal.
+      inverse = identity(n)
+      call dtrtrs('U', 'N', 'N', n, n, factor, n, inverse, n, info)
+      do j = 1, n
+         q = 0
+         do k = 1, j
+            q = q + inverse(k, j)*jacobian(:, k)
+         end do
+         autocorrelation = autocorrelation - lagged_products(q, size(autocorrelation))/(size(q) - n)
       end do
    end subroutine expected_autocorrelation
 

@@ -259,9 +259,9 @@ contains
       integer, intent(in) :: parameters(:)
       type(error_t), allocatable, intent(out) :: error
 
-      if (structure%eta > 0 .or. any(parameters == of_eta)) call failure(error, 'eta: found '// &
-         to_text(structure%eta)//' for a response in time, expected 0 and no derivative: a loss '// &
-         'factor is not causal')
+      if (structure%eta > 0 .or. any(parameters == of_eta)) call failure(error, &
+         'eta: found '//to_text(structure%eta)//' for a response in time, expected 0 and no '// &
+         'derivative: a loss factor is not causal')
    end subroutine check_causal
 
    !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is

@@ -4,6 +4,7 @@
 !> functions, the basis, with weights that depend on the parameters p. `beamid_projection`
 !> eliminates c.
 module beamid_linear_unknowns
+   use beamid_condensation, only: condense_matrix, condensed_t, few_rows, rows_t
    use beamid_kinds, only: wp
    implicit none
    private
@@ -15,9 +16,15 @@ module beamid_linear_unknowns
    type :: linear_t
       real(wp), allocatable :: basis(:, :)        !< (m, b) basis functions at the data
       real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters) 0: Phi; p: dPhi/dp
+      !> all rows of the basis and of the residuals, block by block, if `basis` is condensed and
+      !> they are known in this way
+      class(rows_t), allocatable :: rows
    contains
       procedure :: columns
+      procedure :: complete
       procedure :: add_change
+      procedure :: condense
+      procedure :: take_condensed
    end type linear_t
 
 contains
@@ -31,18 +38,31 @@ contains
       columns = matmul(self%basis, self%weights(:, :, p))
    end function columns
 
+   !> Sets an empty basis if there are no linear unknowns.
+   !>
+   !> m           number of rows
+   !> parameters  number of parameters
+   pure subroutine complete(self, m, parameters)
+      class(linear_t), intent(inout) :: self
+      integer, intent(in) :: m, parameters
+
+      if (allocated(self%basis)) return
+      allocate (self%basis(m, 0), self%weights(0, 0, 0:parameters))
+   end subroutine complete
+
    !> Adds (dPhi/dp) c to column p of dy, for every parameter p.
    !>
-   !> c      (k) values of the linear unknowns
-   !> r      (m) residuals
-   !> dy     (m, parameters) derivatives of the residuals
-   !> along  (k, parameters) products (dPhi/dp)'r, which variable projection needs
-   pure subroutine add_change(self, c, r, dy, along)
+   !> c       (k) values of the linear unknowns
+   !> r       (m) residuals
+   !> dy      (m, parameters) derivatives of the residuals
+   !> along   (k, parameters) products (dPhi/dp)'r, which variable projection needs
+   !> change  (b, parameters) weights of the basis in (dPhi/dp) c
+   pure subroutine add_change(self, c, r, dy, along, change)
       class(linear_t), intent(in) :: self
       real(wp), intent(in) :: c(:), r(:)
       real(wp), intent(inout) :: dy(:, :)
-      real(wp), intent(out) :: along(:, :)
-      real(wp) :: products(size(self%basis, 2)), change(size(self%basis, 2), size(dy, 2))
+      real(wp), intent(out) :: along(:, :), change(:, :)
+      real(wp) :: products(size(self%basis, 2))
       integer :: p
 
       products = matmul(r, self%basis)
@@ -52,6 +72,50 @@ contains
       end do
       dy = dy + matmul(self%basis, change)
    end subroutine add_change
+
+   !> Replaces the rows of residuals, derivatives and basis by fewer, which have the same products
+   !> with one another. Few rows stay as they are.
+   !>
+   !> y   (m) residuals; on return (p + b + 1), p parameters
+   !> dy  (m, p) their derivatives
+   subroutine condense(self, y, dy)
+      class(linear_t), intent(inout) :: self
+      real(wp), allocatable, intent(inout) :: y(:), dy(:, :)
+      type(condensed_t) :: condensed
+      real(wp), allocatable :: columns(:, :)
+      integer :: p
+
+      if (size(y) < few_rows) return
+      p = size(dy, 2)
+      allocate (columns(size(y), p + size(self%basis, 2)))
+      columns(:, :p) = dy
+      columns(:, p + 1:) = self%basis
+      call condense_matrix(columns, y, condensed)
+      call self%take_condensed(condensed, y, dy, p)
+   end subroutine condense
+
+   !> Takes condensed rows: of the derivatives, of the basis and of the residuals.
+   !>
+   !> condensed  of [dy basis] and y; or, if y does not depend on the parameters, of the basis and y
+   !> y, dy      (rows) and (rows, p)
+   !> p          number of columns of dy that have been condensed; the others are 0
+   subroutine take_condensed(self, condensed, y, dy, p)
+      class(linear_t), intent(inout) :: self
+      type(condensed_t), intent(in) :: condensed
+      real(wp), allocatable, intent(inout) :: y(:), dy(:, :)
+      integer, intent(in) :: p
+      integer :: k, n
+
+      k = size(condensed%y)
+      n = size(dy, 2)
+      y = [condensed%y, condensed%left]
+      deallocate (dy)
+      allocate (dy(k + 1, n), source=0.0_wp)
+      dy(:k, :p) = condensed%factor(:, :p)
+      if (allocated(self%basis)) deallocate (self%basis)
+      allocate (self%basis(k + 1, k - p), source=0.0_wp)
+      self%basis(:k, :) = condensed%factor(:, p + 1:)
+   end subroutine take_condensed
 
    !> Combines the linear unknowns of several channels of one motion.
    !>

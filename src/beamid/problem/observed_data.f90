@@ -16,7 +16,7 @@ module beamid_observed_data
    implicit none
    private
 
-   public :: meshed_model_t, observed_data_t, seen_modes_t
+   public :: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
 
    !> The model of an experiment on a mesh: all that every evaluation uses again.
    type :: meshed_model_t
@@ -47,6 +47,9 @@ module beamid_observed_data
       logical :: has_offset = .false.
    contains
       procedure(evaluate_data), deferred :: evaluate
+      procedure :: condense => condense_rows
+      procedure :: has_rows => has_no_rows
+      procedure :: expand => expand_nothing
       procedure :: times => no_times
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
@@ -94,6 +97,55 @@ module beamid_observed_data
    end interface
 
 contains
+
+   !> Does the same as `evaluate`, but condenses the rows if there are many (`beamid_condensation`).
+   !>
+   !> y   (rows) residuals
+   !> dy  (rows, p) their derivatives
+   subroutine condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
+      linear, work, error, first)
+      class(observed_data_t), intent(in), target :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+
+      allocate (y(size(self%measured)), dy(size(self%measured), size(parameters)))
+      call self%evaluate(model, structure, excitation, offset, parameters, y, dy, linear, work, &
+         error, first)
+      if (allocated(error)) return
+      call linear%complete(size(y), size(parameters))
+      call linear%condense(y, dy)
+   end subroutine condense_rows
+
+   !> Returns whether `condense` can tell all rows block by block.
+   !>
+   !> excitation  of the experiment
+   pure logical function has_no_rows(self, excitation)
+      class(observed_data_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_no_rows = .false.
+   end function has_no_rows
+
+   !> Computes all rows from weights of the basis.
+   !>
+   !> linear   from `condense`, with `rows`
+   !> weights  (b, 1 + n) of the basis in the residuals and in n derivatives
+   !> r        (m) residuals
+   !> jac      (m, n) derivatives
+   subroutine expand_nothing(self, linear, weights, r, jac)
+      class(observed_data_t), intent(in), target :: self
+      type(linear_t), intent(inout) :: linear
+      real(wp), intent(in) :: weights(:, :)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+   end subroutine expand_nothing
 
    !> Returns the time of each value (m) [time]; an empty array for data that are not a function of
    !> time. Their noise has no order in time, and they have no spectral lines.

@@ -4,6 +4,7 @@
 !> The least-squares search calls this module. Each evaluation computes the model of every record
 !> and eliminates the linear unknowns (variable projection).
 module beamid_residuals
+   use beamid_condensation, only: few_rows, triangle_of
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t, prepare_experiment
    use beamid_field_penalties, only: fields, penalty_order
@@ -38,9 +39,15 @@ module beamid_residuals
    contains
       procedure :: residuals
       procedure :: jacobian
+      procedure :: condensed_rows
+      procedure :: condensed
       procedure :: evaluate
       procedure :: beginning
+      procedure, private :: has_long_record
+      procedure, private :: eliminate
       procedure, private :: evaluate_motion
+      procedure, private :: condense_motion
+      procedure, private :: expand_motion
       procedure, private :: weight_channel
       procedure, private :: add_prior_rows
       procedure, private :: add_penalties
@@ -141,11 +148,11 @@ contains
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
       real(wp), intent(out), optional :: coefficients(:)
-      type(projection_t) :: projection
       type(scenario_t) :: scenario
       type(linear_t) :: linear
-      real(wp), allocatable :: dy(:, :), phi(:, :), along(:, :), c(:)
+      real(wp), allocatable :: dy(:, :), phi(:, :), c(:)
       integer, allocatable :: active(:)
+      logical :: is_done
       integer :: i, k, last, n, m, row, column
 
       self%log_volume = 0
@@ -162,37 +169,254 @@ contains
          m = sum([(size(self%parts(k)%observed%measured), k=i, last)])
          active = pack([(k, k=1, n)], size(jac, 2) > 0 .and. &
             (self%record == 0 .or. self%record == i))
-         if (allocated(dy)) deallocate (dy)
-         allocate (dy(m, size(active)))
          associate (y => r(row + 1:row + m), block => jac(row + 1:row + m, :))
-            call self%evaluate_motion(scenario, i, last, self%free(active), y, dy, linear, error)
-            if (allocated(error)) return
-            if (allocated(c)) deallocate (c)
-            allocate (c(size(linear%weights, 2)))
-            if (size(c) > 0) then
-               phi = linear%columns(0)
-               call new_projection(phi, projection, error)
+            call self%expand_motion(scenario, i, last, active, merge(column, -1, &
+               present(coefficients)), y, block, c, is_done, error)
+            if (.not. (is_done .or. allocated(error))) then
+               if (allocated(dy)) deallocate (dy)
+               allocate (dy(m, size(active)))
+               call self%evaluate_motion(scenario, i, last, self%free(active), y, dy, linear, error)
+               if (.not. allocated(error)) call self%eliminate(linear, .not. &
+                  present(coefficients), y, dy, phi, c, error)
                if (allocated(error)) return
-               self%log_volume = self%log_volume &
-                  + sum([(log(abs(projection%r(k, k))), k=1, size(c))])
-               call projection%coefficients(y, c)
-               if (allocated(along)) deallocate (along)
-               allocate (along(size(c), size(active)))
-               call linear%add_change(c, y, dy, along)
-               if (.not. present(coefficients)) call projection%derivatives(along, dy)
+               block(:, active) = dy
+               if (present(coefficients) .and. size(c) > 0) &
+                  block(:, column + 1:column + size(c)) = phi
             end if
-            block(:, active) = dy
-            if (present(coefficients) .and. size(c) > 0) then
-               block(:, column + 1:column + size(c)) = phi
-               coefficients(column - n + 1:column - n + size(c)) = c
-               column = column + size(c)
-            end if
+            if (allocated(error)) return
          end associate
+         if (present(coefficients)) then
+            coefficients(column - n + 1:column - n + size(c)) = c
+            column = column + size(c)
+         end if
          row = row + m
          i = last + 1
       end do
       if (size(r) > row) call self%add_prior_rows(parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine evaluate
+
+   !> Eliminates the linear unknowns of one motion.
+   !>
+   !> adapt  whether the linear unknowns adapt to the parameters in the derivatives
+   !> y      (m) residuals
+   !> dy     (m, p) their derivatives
+   !> phi    (m, k) columns of the linear unknowns; not allocated if there are none
+   !> c      (k) linear unknowns
+   !> error  the samples cannot tell the linear unknowns apart
+   !> weights  (b, 1 + p) weights of the basis in what is added to y and dy
+   subroutine eliminate(self, linear, adapt, y, dy, phi, c, error, weights)
+      class(residual_t), intent(inout) :: self
+      type(linear_t), intent(in) :: linear
+      logical, intent(in) :: adapt
+      real(wp), intent(inout) :: y(:), dy(:, :)
+      real(wp), allocatable, intent(out) :: phi(:, :), c(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable, intent(out), optional :: weights(:, :)
+      type(projection_t) :: projection
+      real(wp), allocatable :: along(:, :), change(:, :), dc(:, :)
+      integer :: k
+
+      allocate (c(size(linear%weights, 2)))
+      if (size(c) == 0) return
+      phi = linear%columns(0)
+      call new_projection(phi, projection, error)
+      if (allocated(error)) return
+      self%log_volume = self%log_volume + sum([(log(abs(projection%r(k, k))), k=1, size(c))])
+      call projection%coefficients(y, c)
+      allocate (along(size(c), size(dy, 2)), dc(size(c), size(dy, 2)))
+      allocate (change(size(linear%basis, 2), size(dy, 2)))
+      call linear%add_change(c, y, dy, along, change)
+      if (adapt) call projection%derivatives(along, dy, dc)
+      if (.not. present(weights)) return
+      allocate (weights(size(change, 1), 1 + size(change, 2)))
+      associate (phi_weights => linear%weights(:, :, 0))
+         weights(:, 1) = matmul(phi_weights, c)
+         weights(:, 2:) = change
+         if (adapt) weights(:, 2:) = change + matmul(phi_weights, dc)
+      end associate
+   end subroutine eliminate
+
+   !> Computes all rows of a motion from its condensed rows, if its observed data allow.
+   !>
+   !> first, last  numbers of the records that are channels of the motion
+   !> active       numbers of the columns of the parameters
+   !> column       number of columns before those of the linear unknowns; -1: these have no
+   !>              columns, and adapt to the parameters
+   !> r, jac       (m) and (m, columns) residuals and derivatives
+   !> c            (k) linear unknowns
+   !> is_done      .false.: not possible; nothing has been computed
+   subroutine expand_motion(self, scenario, first, last, active, column, r, jac, c, is_done, error)
+      class(residual_t), intent(inout) :: self
+      type(scenario_t), intent(in) :: scenario
+      integer, intent(in) :: first, last, active(:), column
+      real(wp), intent(inout) :: r(:), jac(:, :)
+      real(wp), allocatable, intent(out) :: c(:)
+      logical, intent(out) :: is_done
+      type(error_t), allocatable, intent(out) :: error
+      type(linear_t) :: linear, channels(first:last)
+      real(wp), allocatable :: y(:), dy(:, :), phi(:, :), weights(:, :), expansion(:, :)
+      real(wp) :: none(0, 0)
+      integer :: b, i, m, place, row
+
+      is_done = .not. allocated(self%colour) .and. all([(self%parts(i)%observed%has_rows( &
+         scenario%excitations(i)), i=first, last)])
+      if (.not. is_done) return
+      call self%condense_motion(scenario, first, last, self%free(active), y, dy, linear, channels, &
+         error)
+      if (allocated(error)) return
+      is_done = all([(allocated(channels(i)%rows), i=first, last)])
+      if (.not. is_done) return
+      call self%eliminate(linear, column < 0, y, dy, phi, c, error, expansion)
+      if (allocated(error)) return
+      allocate (weights(size(expansion, 1), 1 + size(jac, 2)), source=0.0_wp)
+      weights(:, 1) = expansion(:, 1)
+      weights(:, 1 + active) = expansion(:, 2:)
+      if (column >= 0) weights(:, column + 2:column + 1 + size(c)) = linear%weights(:, :, 0)
+      row = 0
+      place = 0
+      do i = first, last
+         m = size(self%parts(i)%observed%measured)
+         b = channels(i)%rows%columns
+         associate (r_of => r(row + 1:row + m), jac_of => jac(row + 1:row + m, :))
+            call self%parts(i)%observed%expand(channels(i), weights(place + 1:place + b, :), r_of, &
+               jac_of)
+            call self%weight_channel(i, r_of, jac_of, none)
+         end associate
+         row = row + m
+         place = place + b
+      end do
+   end subroutine expand_motion
+
+   !> Returns the number of rows that a search needs: n + 1 if derivatives are exact and there is a
+   !> long record, else all. Arguments as of `smooth_problem_t`.
+   pure integer function condensed_rows(self, m, n)
+      class(residual_t), intent(in) :: self
+      integer, intent(in) :: m, n
+
+      condensed_rows = merge(n + 1, m, self%has_long_record() .and. n + 1 < m)
+   end function condensed_rows
+
+   !> Returns whether derivatives are exact and a record is long enough to be condensed.
+   pure logical function has_long_record(self)
+      class(residual_t), intent(in) :: self
+      integer :: i
+
+      has_long_record = self%exact .and. any([(size(self%parts(i)%observed%measured) >= few_rows, &
+         i=1, size(self%parts))])
+   end function has_long_record
+
+   !> Computes residuals and derivatives in condensed rows, with the linear unknowns eliminated.
+   !>
+   !> r    (n + 1)
+   !> jac  (n + 1, n)
+   subroutine condensed(self, parameters, r, jac, error)
+      class(residual_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(scenario_t) :: scenario
+      type(linear_t) :: linear
+      type(linear_t), allocatable :: channels(:)
+      real(wp), allocatable :: y(:), dy(:, :), phi(:, :), c(:), rows(:, :)
+      integer, allocatable :: active(:)
+      integer :: i, k, last, m, n
+
+      n = size(parameters)
+      if (.not. self%has_long_record() .or. size(r) /= n + 1) then
+         call self%jacobian(parameters, r, jac, error)
+         return
+      end if
+      self%log_volume = 0
+      call check_interrupt(error)
+      if (allocated(error)) return
+      scenario = self%with(parameters)
+      allocate (rows(n + 1, n + 1), source=0.0_wp)
+      i = 1
+      do while (i <= size(self%parts))
+         last = self%last_channel(i)
+         active = pack([(k, k=1, n)], self%record == 0 .or. self%record == i)
+         if (allocated(channels)) deallocate (channels)
+         allocate (channels(i:last))
+         call self%condense_motion(scenario, i, last, self%free(active), y, dy, linear, channels, &
+            error)
+         if (.not. allocated(error)) call self%eliminate(linear, .true., y, dy, phi, c, error)
+         if (allocated(error)) return
+         call add_rows(active, dy, y, rows)
+         i = last + 1
+      end do
+      m = self%rows() - self%samples()
+      if (m > 0) then
+         y = spread(0.0_wp, 1, m)
+         dy = spread(spread(0.0_wp, 1, m), 2, n)
+         call self%add_prior_rows(parameters, y, dy)
+         call add_rows([(k, k=1, n)], dy, y, rows)
+      end if
+      jac = rows(:, :n)
+      r = rows(:, n + 1)
+   end subroutine condensed
+
+   !> Computes the weighted residuals of one motion in condensed rows. Arguments as of
+   !> `evaluate_motion`, but y and dy have as many rows as it takes.
+   !>
+   !> channel  (first:last) linear unknowns of each channel
+   subroutine condense_motion(self, scenario, first, last, parameters, y, dy, linear, channel, &
+      error)
+      class(residual_t), intent(inout) :: self
+      type(scenario_t), intent(in) :: scenario
+      integer, intent(in) :: first, last, parameters(:)
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear, channel(first:)
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t) :: seen
+      real(wp), allocatable :: y_of(:), dy_of(:, :), before(:, :)
+      integer :: i, m
+
+      allocate (y(0), dy(0, size(parameters)))
+      do i = first, last
+         if (allocated(self%colour)) then
+            m = size(self%parts(i)%observed%measured)
+            allocate (y_of(m), dy_of(m, size(parameters)))
+            call self%parts(i)%evaluate(scenario%structures(i), scenario%excitations(i), &
+               self%offset_is_unknown(i), parameters, y_of, dy_of, channel(i), self%work, error, &
+               seen)
+         else
+            call self%parts(i)%condense(scenario%structures(i), scenario%excitations(i), &
+               self%offset_is_unknown(i), parameters, y_of, dy_of, channel(i), self%work, error, &
+               seen)
+         end if
+         if (allocated(error)) return
+         call self%weight_channel(i, y_of, dy_of, channel(i)%basis)
+         if (allocated(self%colour)) call channel(i)%condense(y_of, dy_of)
+         before = dy
+         deallocate (dy)
+         allocate (dy(size(y) + size(y_of), size(parameters)))
+         dy(:size(y), :) = before
+         dy(size(y) + 1:, :) = dy_of
+         y = [y, y_of]
+         deallocate (y_of, dy_of)
+      end do
+      call stack_channels(channel, 2*scenario%excitations(first)%modes, linear)
+   end subroutine condense_motion
+
+   !> Adds rows to a triangle of n parameters and residuals, by reflections.
+   !>
+   !> active  (p) parameters on which the rows depend
+   !> dy, y   (m, p), (m) derivatives and residuals
+   !> rows    (n + 1, n + 1) upper triangle
+   subroutine add_rows(active, dy, y, rows)
+      integer, intent(in) :: active(:)
+      real(wp), intent(in) :: dy(:, :), y(:)
+      real(wp), intent(inout) :: rows(:, :)
+      real(wp) :: a(size(rows, 1) + size(y), size(rows, 2))
+      integer :: n
+
+      n = size(rows, 1)
+      a = 0
+      a(:n, :) = rows
+      a(n + 1:, active) = dy
+      a(n + 1:, n) = y
+      call triangle_of(a, rows)
+   end subroutine add_rows
 
    !> Computes the weighted residuals of one motion, the channels one below the other.
    !>

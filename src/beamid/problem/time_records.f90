@@ -4,14 +4,16 @@
 !> parameters p. The linear unknowns c are the free modes of a motion with an unknown initial state,
 !> and the offset of the sensor.
 module beamid_time_records
+   use beamid_condensation, only: few_rows
+   use beamid_decay_rows, only: decay_rows_t, new_decay_rows
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_free_motion, only: free_mode_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
-   use beamid_observation, only: new_sampling, sampling_t
-   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observation, only: from_acceleration, new_sampling, sampling_t
+   use beamid_observed_data, only: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
    use beamid_parameters, only: amplitude
    use beamid_responses, only: exact_solver_t, is_exact, of_tilt, response_t, work_t
    use beamid_strings, only: to_text
@@ -26,10 +28,13 @@ module beamid_time_records
       type(sampling_t) :: sampling   !< sample times, observation formula and response times
    contains
       procedure :: evaluate
+      procedure :: condense
+      procedure :: has_rows
+      procedure :: expand
       procedure :: times => record_times
       procedure :: kind
       procedure :: keep_beginning
-      procedure, private :: free_motion
+      procedure, private :: find_modes, free_motion
    end type time_record_t
 
 contains
@@ -148,6 +153,112 @@ contains
 
    end subroutine evaluate
 
+   !> Condenses the rows of a free decay without forming them. Arguments as of `observed_data_t`.
+   subroutine condense(self, model, structure, excitation, offset, parameters, y, dy, linear, &
+      work, error, first)
+      class(time_record_t), intent(in), target :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      type(equations_t), target :: equations
+      type(free_mode_t), allocatable :: modes(:)
+      type(seen_modes_t) :: before
+      type(decay_rows_t) :: rows
+      logical :: is_decay
+      integer :: k
+
+      before = first
+      is_decay = self%has_rows(excitation)
+      if (is_decay) then
+         equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
+         call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+            error)
+         if (allocated(error)) return
+         is_decay = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
+      end if
+      if (.not. is_decay) then
+         first = before
+         call condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
+            linear, work, error, first)
+         return
+      end if
+      rows = new_decay_rows([modes%s], first%begin, merge(self%scale, 0.0_wp, offset), &
+         self%sampling%sample_times, self%measured)
+      call set_weights(modes, from_acceleration, size(parameters), offset, linear)
+      allocate (dy(0, size(parameters)))
+      call linear%take_condensed(rows%condensed(), y, dy, 0)
+      allocate (linear%rows, source=rows)
+   end subroutine condense
+
+   !> Returns whether the record is long and a free decay.
+   pure logical function has_rows(self, excitation)
+      class(time_record_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_rows = excitation%modes > 0 .and. size(self%measured) >= few_rows .and. &
+         self%sampling%observation%formula == from_acceleration
+   end function has_rows
+
+   !> Computes all rows of a free decay. Arguments as of `observed_data_t`.
+   subroutine expand(self, linear, weights, r, jac)
+      class(time_record_t), intent(in), target :: self
+      type(linear_t), intent(inout) :: linear
+      real(wp), intent(in) :: weights(:, :)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+
+      select type (rows => linear%rows)
+      type is (decay_rows_t)
+         rows%times => self%sampling%sample_times
+         rows%measured => self%measured
+         call rows%expand(weights, r, jac)
+      end select
+   end subroutine expand
+
+   !> Finds the free modes as this channel measures them. Arguments as of `evaluate`.
+   !>
+   !> count  number of modes
+   !> modes  (count)
+   subroutine find_modes(self, model, equations, count, parameters, first, modes, work, error)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout) :: model
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: count, parameters(:)
+      type(seen_modes_t), intent(inout) :: first
+      type(free_mode_t), allocatable, intent(out) :: modes(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      allocate (modes(0))
+      select type (solver => model%solver)
+      class is (exact_solver_t)
+         if (count > 0) call solver%free_modes(equations, parameters, count, modes, work, error)
+      class default
+         if (count > 0) call failure(error, 'this method has no modes')
+      end select
+      if (allocated(error)) return
+      if (.not. allocated(first%modes)) then
+         first%begin = self%sampling%sample_times(1)
+         first%modes = modes
+         return
+      end if
+      do k = 1, count
+         if (.not. abs(first%modes(k)%seen) > 0 .or. .not. abs(modes(k)%seen) > 0) then
+            call failure(error, 'mode '//to_text(k)//' nearly coincides with another, so '// &
+               'that its amplitudes in two channels cannot be compared')
+            return
+         end if
+         call modes(k)%as_seen_beside(first%modes(k))
+      end do
+   end subroutine find_modes
+
    !> Computes the linear unknowns: the two motions of each free mode, and the offset. Arguments as
    !> of `evaluate`.
    !>
@@ -165,53 +276,50 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(free_mode_t), allocatable :: modes(:)
       complex(wp), allocatable :: states(:, :)
-      integer :: b, i, k, n, p
+      integer :: b, i, k, n
 
-      allocate (modes(0))
-      select type (solver => model%solver)
-      class is (exact_solver_t)
-         if (count > 0) call solver%free_modes(equations, parameters, count, modes, work, error)
-      class default
-         if (count > 0) call failure(error, 'this method has no modes')
-      end select
+      call self%find_modes(model, equations, count, parameters, first, modes, work, error)
       if (allocated(error)) return
-      if (.not. allocated(first%modes)) then
-         first%begin = self%sampling%sample_times(1)
-         first%modes = modes
-      else
-         do k = 1, count
-            if (.not. abs(first%modes(k)%seen) > 0 .or. .not. abs(modes(k)%seen) > 0) then
-               call failure(error, 'mode '//to_text(k)//' nearly coincides with another, so '// &
-                  'that its amplitudes in two channels cannot be compared')
-               return
-            end if
-            call modes(k)%as_seen_beside(first%modes(k))
-         end do
-      end if
-      n = 2*sum([(size(modes(k)%row, 1), k=1, count)]) + merge(1, 0, offset)
-      allocate (linear%basis(size(self%sampling%sample_times), n))
-      allocate (linear%weights(n, 2*count + merge(1, 0, offset), 0:size(parameters)), &
-         source=0.0_wp)
+      call set_weights(modes, self%sampling%observation%formula, size(parameters), offset, linear)
+      allocate (linear%basis(size(self%sampling%sample_times), size(linear%weights, 1)))
       b = 0
-      associate (formula => self%sampling%observation%formula)
-         do k = 1, count
-            states = modes(k)%states(self%sampling%times - first%begin)
-            n = size(states, 2)
-            do i = 1, n
-               linear%basis(:, b + i) = self%sampling%of_motion(real(states(:, i)))
-               linear%basis(:, b + n + i) = self%sampling%of_motion(aimag(states(:, i)))
-            end do
-            linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, 0) = pair(modes(k)%row(:, formula))
-            do p = 1, size(parameters)
-               linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, p) = pair(modes(k)%drow(:, formula, p))
-            end do
-            b = b + 2*n
+      do k = 1, count
+         states = modes(k)%states(self%sampling%times - first%begin)
+         n = size(states, 2)
+         do i = 1, n
+            linear%basis(:, b + i) = self%sampling%of_motion(real(states(:, i)))
+            linear%basis(:, b + n + i) = self%sampling%of_motion(aimag(states(:, i)))
          end do
-      end associate
-      if (.not. offset) return
-      linear%basis(:, b + 1) = self%scale
-      linear%weights(b + 1, 2*count + 1, 0) = 1
+         b = b + 2*n
+      end do
+      if (offset) linear%basis(:, b + 1) = self%scale
    end subroutine free_motion
+
+   !> Sets the weights of the basis functions in the linear unknowns.
+   !>
+   !> formula     of the observation
+   !> parameters  number of parameters
+   !> offset      whether the offset of the sensor is unknown
+   pure subroutine set_weights(modes, formula, parameters, offset, linear)
+      type(free_mode_t), intent(in) :: modes(:)
+      integer, intent(in) :: formula, parameters
+      logical, intent(in) :: offset
+      type(linear_t), intent(inout) :: linear
+      integer :: b, k, n, p
+
+      n = 2*sum([(size(modes(k)%row, 1), k=1, size(modes))]) + merge(1, 0, offset)
+      allocate (linear%weights(n, 2*size(modes) + merge(1, 0, offset), 0:parameters), source=0.0_wp)
+      b = 0
+      do k = 1, size(modes)
+         n = 2*size(modes(k)%row, 1)
+         linear%weights(b + 1:b + n, 2*k - 1:2*k, 0) = pair(modes(k)%row(:, formula))
+         do p = 1, parameters
+            linear%weights(b + 1:b + n, 2*k - 1:2*k, p) = pair(modes(k)%drow(:, formula, p))
+         end do
+         b = b + n
+      end do
+      if (offset) linear%weights(b + 1, 2*size(modes) + 1, 0) = 1
+   end subroutine set_weights
 
    !> Returns the weights of Re(row*states) and of -Im(row*states) in the basis of the real and the
    !> imaginary parts of the states.

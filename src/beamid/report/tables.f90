@@ -9,7 +9,7 @@ module beamid_tables
    use beamid_multistart, only: minimum_t
    use beamid_outputs, only: output_t
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: full, to_text
+   use beamid_strings, only: full, full_length, put_full, to_text
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
    implicit none
@@ -152,28 +152,58 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(experiment_t), intent(in) :: experiments(:)
       real(wp), allocatable :: covariance(:, :)
-      character(len=:), allocatable :: sd
-      integer :: i, k, first
+      character(len=:), allocatable :: elements, record
+      character(len=7*full_length) :: row
+      real(wp) :: gradient(size(fit%jacobian, 2))
+      integer :: i, k, first, length
 
       call get_covariance()
+      elements = to_text(fit%elements)
       first = 0
       do i = 1, size(experiments)
          associate (t => experiments(i)%samples, z => experiments(i)%measured)
+            record = ','//to_text(i)//','
             do k = 1, size(t)
-               sd = ','
-               if (size(covariance) > 0) sd = ','//full(sqrt(max(0.0_wp, dot_product( &
-                  fit%jacobian(first + k, :), matmul(covariance, fit%jacobian(first + k, :)))))/ &
-                  fit%weight(i))
+               length = 0
+               call put(elements)
                associate (r => fit%residual(first + k))
-                  call text%line(csv_row(to_text(fit%elements), [t(k), z(k), z(k) + r, -r])// &
-                     ','//to_text(i)//sd)
+                  call put_number(t(k))
+                  call put_number(z(k))
+                  call put_number(z(k) + r)
+                  call put_number(-r)
                end associate
+               call put(record)
+               if (size(covariance) > 0) then
+                  gradient = fit%jacobian(first + k, :)
+                  length = length - 1
+                  call put_number(sqrt(max(0.0_wp, dot_product(gradient, matmul(covariance, &
+                     gradient))))/fit%weight(i))
+               end if
+               call text%line(row(:length))
             end do
             first = first + size(t)
          end associate
       end do
 
    contains
+
+      !> Appends a text to the row.
+      subroutine put(part)
+         character(len=*), intent(in) :: part
+
+         row(length + 1:length + len(part)) = part
+         length = length + len(part)
+      end subroutine put
+
+      !> Appends a comma and a number to the row.
+      subroutine put_number(value)
+         real(wp), intent(in) :: value
+         integer :: digits
+
+         row(length + 1:length + 1) = ','
+         call put_full(value, row(length + 2:length + 1 + full_length), digits)
+         length = length + 1 + digits
+      end subroutine put_number
 
       !> Computes the covariance of the estimates, corrected for the autocorrelation of the noise;
       !> size 0 if it is not known.

@@ -4,7 +4,10 @@ module beamid_strings
    implicit none
    private
 
-   public :: string_t, append_string, lower, to_text, full, fixed, rounded
+   public :: string_t, append_string, lower, to_text, full, put_full, fixed, rounded
+
+   !> Largest length of a number with full precision.
+   integer, parameter, public :: full_length = 32
 
    !> An element of a list of texts of different lengths.
    type :: string_t
@@ -142,11 +145,101 @@ contains
    pure function full(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
-      character(len=32) :: buffer
+      character(len=full_length) :: buffer
+      integer :: length
 
-      write (buffer, '(es24.16e3)') unsigned_zero(value)
-      text = trim(adjustl(buffer))
+      call put_full(value, buffer, length)
+      text = buffer(:length)
    end function full
+
+   !> Writes a number with full precision, as `full`, into a text.
+   !>
+   !> text    its first characters are set
+   !> length  number of characters that are set
+   pure subroutine put_full(value, text, length)
+      real(wp), intent(in) :: value
+      character(len=full_length), intent(out) :: text
+      integer, intent(out) :: length
+      integer(ip) :: number
+      integer :: exponent, k
+
+      call split_decimal(abs(value), number, exponent)
+      if (number == 0) then
+         write (text, '(es24.16e3)') unsigned_zero(value)
+         text = adjustl(text)
+         length = len_trim(text)
+         return
+      end if
+      length = merge(24, 23, value < 0)
+      if (value < 0) text(1:1) = '-'
+      do k = length - 5, length - 20, -1
+         text(k:k) = achar(iachar('0') + int(mod(number, 10_ip)))
+         number = number/10
+      end do
+      text(length - 22:length - 21) = achar(iachar('0') + int(number))//'.'
+      text(length - 4:length - 3) = merge('E-', 'E+', exponent < 0)
+      exponent = abs(exponent)
+      text(length - 2:length) = achar(iachar('0') + exponent/100)//achar(iachar('0') &
+         + mod(exponent/10, 10))//achar(iachar('0') + mod(exponent, 10))
+   end subroutine put_full
+
+   !> Rounds a number to 17 significant digits, number 10**(exponent - 16). The product with a power
+   !> of ten is computed in twice the precision (Dekker, Numerische Mathematik 18, 1971, 224).
+   !>
+   !> value   >= 0
+   !> number  0: the number is outside the range of this method, or too near to the middle between
+   !>         two numbers of 17 digits
+   pure subroutine split_decimal(value, number, exponent)
+      real(wp), intent(in) :: value
+      integer(ip), intent(out) :: number
+      integer, intent(out) :: exponent
+      integer(ip), parameter :: ten_16 = 10_ip**16
+      integer :: k
+      ! These powers of ten have no round-off.
+      real(wp), parameter :: ten(0:22) = [(10.0_wp**k, k=0, 22)]
+      real(wp) :: below, high, low, more
+
+      number = 0
+      exponent = 0
+      if (.not. (value > 1e-25_wp .and. value < 1e16_wp)) return
+      exponent = floor(log10(value))
+      k = 16 - exponent
+      call multiply(value, ten(min(k, 22)), high, low)
+      if (k > 22) then
+         call multiply(high, ten(k - 22), more, below)
+         below = below + low*ten(k - 22)
+         high = more + below
+         low = below - (high - more)
+      end if
+      if (high < 1e16_wp .or. high >= 1e17_wp) return
+      below = floor(low)
+      low = low - below
+      if (abs(low - 0.5_wp) < 1e-6_wp) return
+      number = int(high, ip) + int(below, ip)
+      if (number >= ten_16) then
+         if (low > 0.5_wp) number = number + 1
+         if (number < 10*ten_16) return
+      end if
+      number = 0
+   end subroutine split_decimal
+
+   !> Computes a product and its round-off.
+   pure subroutine multiply(a, b, product, error)
+      real(wp), intent(in) :: a, b
+      real(wp), intent(out) :: product, error
+      real(wp), parameter :: splitter = 134217729    ! 2**27 + 1
+      real(wp) :: high_a, high_b, low_a, low_b, result
+
+      high_a = splitter*a
+      high_a = high_a - (high_a - a)
+      low_a = a - high_a
+      high_b = splitter*b
+      high_b = high_b - (high_b - b)
+      low_b = b - high_b
+      result = a*b
+      error = ((high_a*high_b - result) + high_a*low_b + low_a*high_b) + low_a*low_b
+      product = result
+   end subroutine multiply
 
    !> Returns a number with `digits` decimals, right-adjusted in `width` characters.
    pure function fixed(value, width, digits) result(text)
