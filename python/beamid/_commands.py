@@ -175,7 +175,8 @@ class Design(Results):
     _table: ClassVar[str] = "design"
     settings: list[dict[str, float]] = field(default_factory=list, repr=False)
     """Settings of each experiment: `x_S`, `x_F` [length], `duration`, `t_first`, `t_last`,
-    `t_step` [time], `samples`. Experiment 0 is the present one."""
+    `t_step` [time], or for a frequency response `f_first`, `f_last`, `f_step` [1/time]; `samples`.
+    Experiment 0 is the present one."""
     std_errors: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     """Standard errors by parameter, in its unit, shape (experiments,); nan: not determined."""
     D: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
@@ -487,7 +488,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     case : str, os.PathLike or Problem, optional
         A case, as the only argument.
     record : mapping or sequence of mappings
-        Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time].
+        Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time]; of a
+        frequency response `kind="frf"`, `f_first`, `f_last`, `f_step` [1/time].
     free : str or sequence of str
         Names of the parameters to estimate.
     stages : mapping or sequence of mappings, optional
@@ -496,7 +498,7 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
         Noise of the record: `sd` [length/time²].
     design : mapping
         Lists of settings to choose from: `x_S`, `x_F` [length] or 'auto', `duration`, `t_last`
-        [time] and so on; `target`, the relative standard error to reach.
+        [time], `f_last` [1/time] and so on; `target`, the relative standard error to reach.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -513,7 +515,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     """
     found = Design(**_results("design", [_case_of("case", locals())], progress))
     columns = _plots.read(found.tables["design.csv"])
-    names = ("x_S", "x_S_2", "x_F", "duration", "t_first", "t_last", "t_step", "samples")
+    names = [name for name in ("x_S", "x_S_2", "x_F", "duration", "t_first", "t_last", "t_step",
+                               "f_first", "f_last", "f_step", "samples") if name in columns]
     found.settings = [dict(zip(names, values))
                       for values in zip(*(columns[name].tolist() for name in names))]
     found.std_errors = {name[3:]: values for name, values in columns.items()

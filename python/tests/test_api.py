@@ -183,6 +183,17 @@ def test_design_from_arguments():
         assert found.std_errors[name][0] == pytest.approx(np.sqrt(covariance[k, k]), rel=1e-6)
 
 
+def test_design_of_frequency_responses():
+    """A band with more resonances tells more."""
+    found = beamid.design(
+        beam=dict(length=0.5, width=0.03, height=0.003, density=2700, E=7e10, c_D=2e6, gamma=0.05),
+        record=dict(kind="frf", f_first=4, f_last=100, f_step=0.5), free=["E", "c_D"],
+        design=dict(noise_sd=0.1, f_last=[100, 400]))
+    assert [settings["f_last"] for settings in found.settings] == [100, 100, 400]
+    assert found.std_errors["E"][1] == pytest.approx(found.std_errors["E"][0], rel=1e-9)
+    assert found.std_errors["E"][2] < found.std_errors["E"][1]
+
+
 @pytest.fixture(scope="module")
 def rivals(tmp_path_factory):
     """The case with noise, and with the hose's spring known."""

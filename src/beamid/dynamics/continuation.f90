@@ -134,12 +134,12 @@ contains
    end subroutine follow
 
    !> Follows a root of the structure without structural damping to that of the structure with it.
-   !> The damping grows in steps that become smaller where Newton's method ends elsewhere than the
-   !> derivative of the root predicts: at another root, for example.
+   !> The damping increases in steps. A step is halved if Newton's method does not converge, or ends
+   !> far from where the derivative of the root predicts it, for example at another root.
    !>
    !> assembly  of the structure with structural damping
    !> root      in: without it, Im s > 0; out: with it
-   !> vector    vector of the root
+   !> vector    out: vector of the root
    !> error     the root was not found
    subroutine follow_loss(assembly, root, vector, error)
       type(assembly_t), intent(in) :: assembly
@@ -147,7 +147,7 @@ contains
       type(vector_t), intent(inout) :: vector
       type(error_t), allocatable, intent(out) :: error
       !> Shortest step, and greatest difference from a prediction as a share of the change.
-      real(wp), parameter :: shortest = 1e-3_wp, greatest = 0.2_wp
+      real(wp), parameter :: shortest = 1e-3_wp, greatest = 0.2_wp, two_pi = 2*acos(-1.0_wp)
       type(assembly_t) :: partial
       type(root_t) :: next
       complex(wp) :: change
@@ -182,7 +182,8 @@ contains
          end if
       end do
       if (share < 1) call failure(error, 'modal: with eta = '//to_text(assembly%structure%eta)// &
-         ', the mode near |s| = '//to_text(abs(root%s))//' was not found')
+         ', the mode near the frequency '//to_text(abs(root%s)/two_pi)//' was not found; '// &
+         'try a smaller eta or more elements')
    end subroutine follow_loss
 
    !> Returns i x'L x.

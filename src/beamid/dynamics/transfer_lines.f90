@@ -48,7 +48,8 @@ contains
       end do
    end subroutine transfer_along
 
-   !> Computes the transfer function and its derivatives at a point apart from the roots of all D_i.
+   !> Computes the transfer function and its derivatives at a point that is not near a root of any
+   !> D_i, for an assembly without dense matrices.
    !>
    !> n, r     numbers of oscillators and rows
    !> h        (0:parameters) h and its derivatives

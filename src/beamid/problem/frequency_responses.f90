@@ -33,7 +33,7 @@ module beamid_frequency_responses
       real(wp) :: rate = 0                    !< a of the exponential window [1/time]
       !> (n) standard deviation of real and imaginary part; 1 if it is not known
       real(wp), allocatable :: noise(:)
-      !> factor of `noise` that allows for the correlation of lines by a window
+      !> square root of the variance inflation factor of a window, which `noise` includes
       real(wp) :: correlation = 1
       real(wp), allocatable :: coherence(:)   !< (n) for the tables; not allocated: unknown
    contains
@@ -112,8 +112,8 @@ contains
       text = text//'; residuals are tested for white noise along the frequency'
    end function description
 
-   !> Returns rows whose noise is independent: each third line, because a Hann window correlates
-   !> neighbouring lines.
+   !> Returns the rows that the test for white noise uses: every third frequency, because a Hann
+   !> window correlates neighbouring ones.
    pure function sequence(self)
       class(frequency_response_t), intent(in) :: self
       integer, allocatable :: sequence(:)

@@ -60,7 +60,7 @@ contains
       if (allocated(self%damping)) self%damping = values(n + 1:)*self%sd_damping
    end subroutine take
 
-   !> Returns the frequencies among some rows [1/time].
+   !> Returns the rows that hold frequencies [1/time], without those of damping ratios.
    pure function plain(self, r)
       class(modal_table_t), intent(in) :: self
       real(wp), intent(in) :: r(:)
@@ -99,10 +99,10 @@ contains
    !>
    !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair
    !> of a measured and a computed frequency suggests a factor. With each factor, every measured
-   !> frequency belongs to the nearest mode. The factor counts that leaves the least sum of squared
-   !> logarithmic distances, in units of 5 %, and of a penalty for its own distance from 1. The
-   !> penalty is a quadratic one for some 15 % (the effect of 30 % of E), but grows slowly, because
-   !> a unit error makes a factor of any size.
+   !> frequency belongs to the nearest mode. The chosen factor minimises the
+   !> sum of (log(ratio)/0.05)**2 over the pairs, plus 3 log(1 + (log(factor)/0.15)**2). This
+   !> penalty is quadratic up to a factor of about 1.15, the effect of 30 % of E. Beyond, it grows
+   !> only logarithmically, because a unit error can produce any factor.
    !>
    !> measured  (n) ascending or not [1/time]
    !> computed  (m) ascending, m >= n [1/time]

@@ -2,7 +2,8 @@
 !>
 !> The resonances of a frequency response make a table of modes. A fit to the tables alone converges
 !> from far away, because frequencies are smooth functions of the parameters, while the residuals of
-!> a sharp resonance are not. What the tables do not determine stays near the expected values.
+!> a sharp resonance are not. Parameters that the tables do not determine stay near the values that
+!> a default prior expects.
 module beamid_peak_starts
    use beamid_errors, only: error_t
    use beamid_frequency_responses, only: frequency_response_t
@@ -25,9 +26,10 @@ module beamid_peak_starts
 
 contains
 
-   !> Finds start values for a stage, and puts them into the scenario of the fit: first from the
-   !> modes that the records show, then from all records that are not functions of time. A step that
-   !> fails leaves the start values as they are.
+   !> Finds start values for a stage, and puts them into the scenario of the fit. First it fits the
+   !> natural frequencies and damping ratios that the records show. If there are records in time, it
+   !> then fits all other records. At last it compares the result with a fit from the values of the
+   !> case, and takes that if it ends with a lower J. A step that fails changes nothing.
    !>
    !> problem  the fit, with the free parameters of the stage
    !> stage    on return without start values, because the scenario has them

@@ -37,10 +37,10 @@ contains
       integer, intent(in) :: most
       type(peak_t), allocatable :: peaks(:)
       !> Height of a peak in standard deviations, and as a share of its magnitude. Among thousands
-      !> of lines of noise alone, the highest stands some seven standard deviations above the
-      !> lowest.
+      !> of values of a constant response with noise, the largest exceeds the smallest by about
+      !> seven standard deviations.
       real(wp), parameter :: clear = 10, least_share = 0.3_wp
-      !> Two peaks whose frequencies differ by a smaller share are one.
+      !> Peaks whose frequencies differ by a smaller share are merged.
       real(wp), parameter :: same = 0.03_wp
       type(peak_t), allocatable :: candidates(:)
       type(peak_t) :: peak

@@ -155,7 +155,8 @@ contains
          ': found a response of 0, whose noise is unknown, expected other values')
    end subroutine find_noise
 
-   !> Returns the factor by which a window raises the variance of a mean over lines.
+   !> Returns the variance inflation factor of a window: neighbouring frequencies are correlated, so
+   !> that a mean over them has this many times the variance of a mean over independent ones.
    !>
    !> For a window w of the duration T it is T int(w**4)/(int(w**2))**2, the sum of the squared
    !> correlations between the noise of one line and that of all lines at distances of 1/T. This is
@@ -192,7 +193,8 @@ contains
          rounded(sqrt(factor), 2)//'; state sd, or a coherence and averages')
    end subroutine warn_of_correlation
 
-   !> Conjugates a response with the convention exp(-i omega t).
+   !> Detects the convention exp(-i omega t) by a phase that rises through the resonances, and then
+   !> conjugates the response and adds a note. Fewer than 16 frequencies are not checked.
    !>
    !> With exp(i omega t) the phase decreases through every resonance, whatever the sign of its
    !> residue, because a response follows its force. The sum of the phase steps, each weighted by
