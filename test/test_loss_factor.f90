@@ -324,6 +324,12 @@ contains
       outcome = beamid('simulate time.nml')
       call check('refused: simulate', outcome%status == 2 .and. &
          index(outcome%err, '&beam eta: found') > 0)
+      call write_file('drawn.nml', beam(7e10_wp, 0.0_wp, '')//pulse//'&noise sd=0.1 /'//nl// &
+         '&stage free=''E'' /'//nl//'&draw parameter=''eta'', low=0.01, high=0.02 /'//nl// &
+         '&ensemble members=3 /'//nl)
+      outcome = beamid('ensemble drawn.nml')
+      call check('refused: a loss factor is drawn for a response in time', outcome%status == 2 &
+         .and. index(outcome%err, '&draw parameter: found ''eta''') > 0, outcome%err)
       call write_file('r.csv', 't,a'//nl//'0,0'//nl//'0.01,1'//nl//'0.02,2'//nl//'0.03,1'//nl)
       call write_file('both.nml', beam(7e10_wp, 0.0_wp, '')//'&excitation kind=''free'', '// &
          'modes=1 /'//nl//'&record file=''r.csv'' /'//nl//'&record kind=''frf'', '// &

@@ -191,6 +191,8 @@ contains
          if (any(case%stages(k)%free == of_eta)) call refuse(case%path, case%stage_lines(k), &
             'stage free', '''eta'' beside a record in time', expected, error)
       end do
+      if (any(case%draws%parameter == of_eta)) call refuse(case%path, 0, 'draw parameter', &
+         '''eta'' beside a record in time', expected, error)
    end subroutine check_loss
 
    !> Refuses free parameters that only a record in time depends on, beside other records alone.

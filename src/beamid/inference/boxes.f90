@@ -65,7 +65,7 @@ contains
    !> response, with noise, and without measured values.
    !>
    !> places  (m) ascending [time], or frequencies [1/time]
-   !> sd      standard deviation of the noise
+   !> sd      standard deviation of the noise; a window correlates it as in the present experiment
    subroutine plan_record(places, sd, experiment)
       real(wp), intent(in) :: places(:), sd
       type(experiment_t), intent(inout) :: experiment
@@ -75,7 +75,7 @@ contains
          type is (frequency_response_t)
             observed%frequency = places
             observed%h = 0*places
-            observed%noise = spread(sd, 1, size(places))
+            observed%noise = spread(observed%correlation*sd, 1, size(places))
             observed%noise_is_known = .true.
             if (allocated(observed%coherence)) deallocate (observed%coherence)
             experiment%measured = observed%values()

@@ -308,6 +308,7 @@ contains
          call line_frequencies(path, recording, frequency, error)
       end if
       if (allocated(error)) return
+      response%correlation = sqrt(correlation_of_lines(recording%lines, frequency))
       if (response%noise_is_known) then
          experiment%measured = 0*response%values()
          experiment%sd = 1
