@@ -126,6 +126,8 @@ contains
       call name_variables_at_bounds(search, result%reason)
       if (allocated(note)) result%reason = result%reason//note
       if (info == 0 .or. (info == 5 .and. .not. options%rough) .or. objection /= '') then
+         ! Some callers use the estimate although it is no minimum.
+         call find_all_rows()
          call failure(error, 'least squares: no convergence; '//result%reason//objection)
          return
       end if
