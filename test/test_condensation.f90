@@ -12,12 +12,14 @@ program test_condensation
    use beamid_kernels, only: block_rows, decay_t, new_decay
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgels, dgesv
+   use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_strings, only: to_text
    use beamid_structure, only: sensor_t, structure_t
+   use beamid_variables, only: new_variable, unbounded
    use checks, only: check, check_close, finish
    use free_decays, only: formulas, made, mesh, names, noise_of, noisy, stamps, truth
    use models, only: model_of
@@ -32,6 +34,7 @@ program test_condensation
    call test_decompositions()
    call test_ill_conditioned()
    call test_one_record()
+   call test_not_converged()
    call test_noise_free()
    call test_formulas()
    call test_channels()
@@ -396,6 +399,28 @@ contains
       problem = problem_of([long_record(3000, 3, 4)], truth, 3, [prior])
       call compare('prior', problem)
    end subroutine test_one_record
+
+   !> A search that ends too early leaves an estimate, and the rows of a fit are all rows there.
+   subroutine test_not_converged()
+      type(residual_t) :: problem
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: r(:), jac(:, :)
+      integer :: k
+
+      problem = problem_of([long_record(3000, 3, 4)], truth, 3, [prior_t ::])
+      call fit(problem, problem%rows(), [(new_variable(1.2_wp*exact(k), 0.0_wp, unbounded, &
+         exact(k)), k=1, size(exact))], options_t(check=.false., max_evaluations=2), found, error)
+      call check('not converged: an error', allocated(error))
+      call check('not converged: an estimate', allocated(found%estimate))
+      if (.not. allocated(found%estimate)) return
+      allocate (r(problem%rows()), jac(problem%rows(), size(exact)))
+      call problem%jacobian(found%estimate, r, jac, error)
+      ! The same computation: exact.
+      call check_close('not converged: residuals', maxval(abs(found%residual - r)), 0.0_wp, 0.0_wp)
+      call check_close('not converged: derivatives', maxval(abs(found%jacobian - jac)), 0.0_wp, &
+         0.0_wp)
+   end subroutine test_not_converged
 
    !> A record that is made of the columns of the linear unknowns themselves leaves round-off.
    subroutine test_noise_free()
