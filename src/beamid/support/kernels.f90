@@ -5,6 +5,7 @@
 !> pass over a record of any length reads each sample once and allocates nothing of its length. All
 !> loops have constant bounds, so that compilers use vector instructions.
 module beamid_kernels
+   use beamid_exact_products, only: multiply_exactly
    use beamid_kinds, only: wp
    implicit none
    private
@@ -15,8 +16,9 @@ module beamid_kernels
    integer, parameter, public :: block_rows = 128
    !> Number of samples for which one exponential is computed.
    integer, parameter :: chunk = 32
-   !> Largest arguments for which the Taylor polynomials of degree 2, 7 and 14 have a relative error
+   !> Degrees of Taylor polynomials, and the largest arguments for which their relative error is
    !> below 2**-54.
+   integer, parameter :: degrees(3) = [2, 7, 14]
    real(wp), parameter :: limits(3) = [6e-6_wp, 3.5e-2_wp, 0.5_wp]
 
    !> The motion e**(s t) at times that lie near a uniform grid.
@@ -29,7 +31,8 @@ module beamid_kernels
       complex(wp) :: s = 0                           !< [1/time]
       real(wp), private :: step = 0                  !< of the grid [time]
       real(wp), private :: re(chunk) = 1, im(chunk) = 0     !< e**(s t) on the grid
-      real(wp), private :: a(0:14) = 0, b(0:14) = 0  !< s**k/k!, real and imaginary parts
+      !> real and imaginary parts of s**k/k!
+      real(wp), private :: a(0:degrees(3)) = 0, b(0:degrees(3)) = 0
    contains
       procedure :: fill
    end type decay_t
@@ -70,19 +73,13 @@ contains
    end function place
 
    !> Returns e**(s t). The round-off of the phase, which grows with t, is computed as well and
-   !> taken into account, by Dekker's product (Numerische Mathematik 18, 1971, 224).
+   !> taken into account.
    elemental complex(wp) function exponential(s, t)
       complex(wp), intent(in) :: s
       real(wp), intent(in) :: t
-      real(wp) :: omega, phase, error, high(2), low(2)
-      real(wp), parameter :: splitter = 134217729    ! 2**27 + 1
+      real(wp) :: phase, error
 
-      omega = aimag(s)
-      phase = omega*t
-      high = splitter*[omega, t]
-      high = high - (high - [omega, t])
-      low = [omega, t] - high
-      error = ((high(1)*high(2) - phase) + high(1)*low(2) + low(1)*high(2)) + low(1)*low(2)
+      call multiply_exactly(aimag(s), t, phase, error)
       exponential = exp(cmplx(real(s)*t, phase, wp))
       exponential = exponential + exponential*cmplx(0.0_wp, error, wp)
    end function exponential
@@ -104,7 +101,7 @@ contains
          largest = 0
          !$omp simd reduction(max:largest)
          do j = 1, chunk
-            d(j) = (t(first + j - 1) - middle) - self%step*(j - (chunk + 1)/2.0_wp)
+            d(j) = (t(first + j - 1) - middle) - self%step*place(j)
             largest = max(largest, abs(d(j)))
          end do
          largest = largest*abs(self%s)
@@ -124,70 +121,23 @@ contains
             re(first + j - 1) = u
             im(first + j - 1) = v
          end do
-         if (largest <= limits(1)) then
-            call multiply_2(self, d, re(first), im(first))
-         else if (largest <= limits(2)) then
-            call multiply_7(self, d, re(first), im(first))
-         else
-            call multiply_14(self, d, re(first), im(first))
-         end if
+         call multiply(self, degrees(count(largest > limits) + 1), d, re(first), im(first))
       end do
    end subroutine fill
 
-   !> Multiplies the motion of a chunk by e**(s d), a polynomial of degree 2.
-   pure subroutine multiply_2(self, d, re, im)
+   !> Multiplies the motion of a chunk by e**(s d), a Taylor polynomial.
+   pure subroutine multiply(self, degree, d, re, im)
       type(decay_t), intent(in) :: self
-      real(wp), intent(in) :: d(chunk)
-      real(wp), intent(inout) :: re(chunk), im(chunk)
-      real(wp) :: p, q, u
-      integer :: j
-
-      associate (a => self%a, b => self%b)
-         !$omp simd private(p, q, u)
-         do j = 1, chunk
-            p = 1 + d(j)*(a(1) + d(j)*a(2))
-            q = d(j)*(b(1) + d(j)*b(2))
-            u = re(j)
-            re(j) = u*p - im(j)*q
-            im(j) = u*q + im(j)*p
-         end do
-      end associate
-   end subroutine multiply_2
-
-   !> The same by a polynomial of degree 7.
-   pure subroutine multiply_7(self, d, re, im)
-      type(decay_t), intent(in) :: self
-      real(wp), intent(in) :: d(chunk)
-      real(wp), intent(inout) :: re(chunk), im(chunk)
-      real(wp) :: p, q, u
-      integer :: j
-
-      associate (a => self%a, b => self%b)
-         !$omp simd private(p, q, u)
-         do j = 1, chunk
-            p = 1 + d(j)*(a(1) + d(j)*(a(2) + d(j)*(a(3) + d(j)*(a(4) + d(j)*(a(5) + d(j) &
-               *(a(6) + d(j)*a(7)))))))
-            q = d(j)*(b(1) + d(j)*(b(2) + d(j)*(b(3) + d(j)*(b(4) + d(j)*(b(5) + d(j) &
-               *(b(6) + d(j)*b(7)))))))
-            u = re(j)
-            re(j) = u*p - im(j)*q
-            im(j) = u*q + im(j)*p
-         end do
-      end associate
-   end subroutine multiply_7
-
-   !> The same by a polynomial of degree 14.
-   pure subroutine multiply_14(self, d, re, im)
-      type(decay_t), intent(in) :: self
+      integer, intent(in) :: degree
       real(wp), intent(in) :: d(chunk)
       real(wp), intent(inout) :: re(chunk), im(chunk)
       real(wp), dimension(chunk) :: p, q
       real(wp) :: u
       integer :: j, k
 
-      p = self%a(14)
-      q = self%b(14)
-      do k = 13, 0, -1
+      p = self%a(degree)
+      q = self%b(degree)
+      do k = degree - 1, 0, -1
          !$omp simd
          do j = 1, chunk
             p(j) = self%a(k) + d(j)*p(j)
@@ -200,7 +150,7 @@ contains
          re(j) = u*p(j) - im(j)*q(j)
          im(j) = u*q(j) + im(j)*p(j)
       end do
-   end subroutine multiply_14
+   end subroutine multiply
 
    !> Adds the products of the columns of a block to a sum.
    !>

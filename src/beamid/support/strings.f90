@@ -1,5 +1,6 @@
 !> Conversion of numbers to text, and of text to lower case; lists of texts.
 module beamid_strings
+   use beamid_exact_products, only: multiply_exactly
    use beamid_kinds, only: wp, ip
    implicit none
    private
@@ -184,7 +185,7 @@ contains
    end subroutine put_full
 
    !> Rounds a number to 17 significant digits, number 10**(exponent - 16). The product with a power
-   !> of ten is computed in twice the precision (Dekker, Numerische Mathematik 18, 1971, 224).
+   !> of ten is computed in twice the precision.
    !>
    !> value   >= 0
    !> number  0: the number is outside the range of this method, or too near to the middle between
@@ -204,9 +205,9 @@ contains
       if (.not. (value > 1e-25_wp .and. value < 1e16_wp)) return
       exponent = floor(log10(value))
       k = 16 - exponent
-      call multiply(value, ten(min(k, 22)), high, low)
+      call multiply_exactly(value, ten(min(k, 22)), high, low)
       if (k > 22) then
-         call multiply(high, ten(k - 22), more, below)
+         call multiply_exactly(high, ten(k - 22), more, below)
          below = below + low*ten(k - 22)
          high = more + below
          low = below - (high - more)
@@ -222,24 +223,6 @@ contains
       end if
       number = 0
    end subroutine split_decimal
-
-   !> Computes a product and its round-off.
-   pure subroutine multiply(a, b, product, error)
-      real(wp), intent(in) :: a, b
-      real(wp), intent(out) :: product, error
-      real(wp), parameter :: splitter = 134217729    ! 2**27 + 1
-      real(wp) :: high_a, high_b, low_a, low_b, result
-
-      high_a = splitter*a
-      high_a = high_a - (high_a - a)
-      low_a = a - high_a
-      high_b = splitter*b
-      high_b = high_b - (high_b - b)
-      low_b = b - high_b
-      result = a*b
-      error = ((high_a*high_b - result) + high_a*low_b + low_a*high_b) + low_a*low_b
-      product = result
-   end subroutine multiply
 
    !> Returns a number with `digits` decimals, right-adjusted in `width` characters.
    pure function fixed(value, width, digits) result(text)
