@@ -10,7 +10,7 @@ module beamid_case_checks
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_parameters, only: amplitude, name_of_parameter, parameters
-   use beamid_records, only: are_in_time, window_t
+   use beamid_records, only: any_in_time, are_in_time, window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
@@ -40,8 +40,9 @@ contains
 
       call check_elements(case, needs, error)
       if (needs == needs_nothing .or. needs == needs_modes .or. allocated(error)) return
-      if (size(case%excitations) == 0 .and. (needs == needs_response .or. any_in_time(case))) &
-         call refuse(case%path, 0, 'excitation', 'no such group', 'one', error)
+      if (size(case%excitations) == 0 .and. (needs == needs_response .or. &
+         any_in_time(case%recordings))) call refuse(case%path, 0, 'excitation', 'no such group', &
+         'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
       call check_loss(case, error)
@@ -184,7 +185,7 @@ contains
          'alone: a loss factor is not causal'
       integer :: k
 
-      if (.not. any_in_time(case)) return
+      if (.not. any_in_time(case%recordings)) return
       if (case%model%structure%eta > 0) call refuse(case%path, 0, 'beam eta', &
          to_text(case%model%structure%eta)//' beside a response in time', expected, error)
       do k = 1, size(case%stages)
@@ -203,7 +204,7 @@ contains
          expected = 'such a record, or a list without it'
       integer :: k
 
-      if (any_in_time(case)) return
+      if (any_in_time(case%recordings)) return
       do k = 1, size(case%stages)
          associate (stage => case%stages(k), line => case%stage_lines(k))
             if (stage%offset) call refuse(case%path, line, 'stage free', '''offset'' '//lacking, &
@@ -213,14 +214,6 @@ contains
          end associate
       end do
    end subroutine check_kinds
-
-   !> Returns whether any record is a function of time.
-   pure logical function any_in_time(case)
-      type(case_t), intent(in) :: case
-      integer :: k
-
-      any_in_time = any([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))])
-   end function any_in_time
 
    !> Returns the candidate experiments of a case; takes the noise and the parameters of interest
    !> from the rest of the case if &design does not give them.

@@ -364,9 +364,7 @@ contains
       real(wp) :: full(size(jac, 1), size(jac, 2) + 1)
 
       call self%full%jacobian(all_parameters(self, parameters), r, full, error)
-      if (allocated(error)) return
-      jac(:, :self%fixed - 1) = full(:, :self%fixed - 1)
-      jac(:, self%fixed:) = full(:, self%fixed + 1:)
+      if (.not. allocated(error)) call leave_out_fixed(self, full, jac)
    end subroutine jacobian
 
    !> Returns the number of condensed rows: those of the problem with all n parameters.
@@ -386,10 +384,18 @@ contains
       real(wp) :: full(size(jac, 1), size(jac, 2) + 1)
 
       call self%full%condensed(all_parameters(self, parameters), r, full, error)
-      if (allocated(error)) return
+      if (.not. allocated(error)) call leave_out_fixed(self, full, jac)
+   end subroutine condensed
+
+   !> Copies the derivatives (rows, n) by all parameters but the fixed one.
+   pure subroutine leave_out_fixed(self, full, jac)
+      class(section_t), intent(in) :: self
+      real(wp), intent(in) :: full(:, :)
+      real(wp), intent(out) :: jac(:, :)
+
       jac(:, :self%fixed - 1) = full(:, :self%fixed - 1)
       jac(:, self%fixed:) = full(:, self%fixed + 1:)
-   end subroutine condensed
+   end subroutine leave_out_fixed
 
    !> Returns all parameters, (n), with the fixed value in its place among the others.
    pure function all_parameters(self, others) result(parameters)

@@ -109,18 +109,18 @@ contains
       type(experiment_t), intent(in) :: experiment
       type(model_t), intent(in) :: model
       type(structure_t) :: s
+      real(wp), allocatable :: t(:)
 
       ! gfortran 12 frees twice what a function returns into an associate block.
       s = experiment%structure_of(model%structure)
-      associate (t => places_of(experiment))
-         call complete_list(box%x_S, s%sensor_place())
-         call complete_list(box%x_F, s%place(of_x_F))
-         call complete_list(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
-            is_pulse(experiment%excitation) .and. .not. box%of_lines))
-         call complete_list(box%first, t(1))
-         call complete_list(box%last, t(size(t)))
-         call complete_list(box%step, (t(size(t)) - t(1))/max(1, size(t) - 1))
-      end associate
+      t = places_of(experiment)
+      call complete_list(box%x_S, s%sensor_place())
+      call complete_list(box%x_F, s%place(of_x_F))
+      call complete_list(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
+         is_pulse(experiment%excitation) .and. .not. box%of_lines))
+      call complete_list(box%first, t(1))
+      call complete_list(box%last, t(size(t)))
+      call complete_list(box%step, (t(size(t)) - t(1))/max(1, size(t) - 1))
    end subroutine complete
 
    !> Gives a list its default if it is not allocated, and sorts it.

@@ -193,7 +193,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(setup_t) :: setup
       type(stage_t) :: single
-      real(wp), allocatable :: scale(:)
+      real(wp), allocatable :: scale(:), t(:)
       integer, allocatable :: column(:)
       integer :: k
 
@@ -210,8 +210,8 @@ contains
       column = [(findloc(single%free, stage%free(k), dim=1), k=1, size(stage%free))]
       call present_information(setup, column, scale, designs%present%information, error)
       if (allocated(error)) return
-      associate (design => designs%present, s => setup%problem%scenario%structures(1), &
-         t => places_of(experiments(1)))
+      t = places_of(experiments(1))
+      associate (design => designs%present, s => setup%problem%scenario%structures(1))
          design%prediction = predicted(designs, design%information)
          design%samples = sum([(size(places_of(experiments(k))), k=1, size(experiments))])
          design%x_S = [s%sensor_place(), 0.0_wp]

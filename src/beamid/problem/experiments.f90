@@ -49,7 +49,6 @@ module beamid_experiments
       class(observed_data_t), allocatable :: observed
    contains
       procedure :: evaluate
-      procedure :: condense
    end type prepared_experiment_t
 
 contains
@@ -166,23 +165,5 @@ contains
          y, dy, linear, work, error, first)
       if (.not. allocated(error)) call linear%complete(size(y), size(parameters))
    end subroutine evaluate
-
-   !> Does the same as `evaluate`, in condensed rows.
-   subroutine condense(self, structure, excitation, offset, parameters, y, dy, linear, work, &
-      error, first)
-      class(prepared_experiment_t), intent(inout) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
-      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
-      type(linear_t), intent(out) :: linear
-      type(work_t), intent(inout) :: work
-      type(error_t), allocatable, intent(out) :: error
-      type(seen_modes_t), intent(inout) :: first
-
-      call self%observed%condense(self%meshed_model_t, structure, excitation, offset, parameters, &
-         y, dy, linear, work, error, first)
-   end subroutine condense
 
 end module beamid_experiments

@@ -15,7 +15,7 @@ module beamid_records
    private
 
    public :: window_t, recording_t, frequency_keys_t, columns_t, read_record, load_recording, grid
-   public :: add_note, append_recording, are_in_time, note_length, column_length
+   public :: add_note, any_in_time, append_recording, are_in_time, note_length, column_length
 
    !> Length of a note about a record.
    integer, parameter :: note_length = 200
@@ -71,6 +71,14 @@ contains
 
       are_in_time = all([(recordings(k)%kind == 'time', k=1, size(recordings))])
    end function are_in_time
+
+   !> Returns whether any record is a function of time.
+   pure logical function any_in_time(recordings)
+      type(recording_t), intent(in) :: recordings(:)
+      integer :: k
+
+      any_in_time = any([(recordings(k)%kind == 'time', k=1, size(recordings))])
+   end function any_in_time
 
    !> Reads all times and calibrated accelerations of a record.
    !>

@@ -16,10 +16,8 @@ module beamid_design_reports
 
    public :: design_summary, design_table
 
-   !> Settings of a candidate experiment, each of which may be chosen from a list.
-   character(len=*), parameter :: list_names(6) = [character(len=8) :: 'x_S', 'x_F', 'duration', &
-      't_first', 't_last', 't_step'], lists_of_lines(6) = [character(len=8) :: 'x_S', 'x_F', &
-      'duration', 'f_first', 'f_last', 'f_step']
+   !> Number of settings of a candidate experiment, each of which may be chosen from a list.
+   integer, parameter :: settings = 6
 
    !> An experiment of the summary: the present one, or a candidate that is best by at least one
    !> criterion.
@@ -251,7 +249,7 @@ contains
       type(designs_t), intent(in) :: designs
       type(shown_t), intent(in) :: shown(0:)
       character(len=:), allocatable :: lists
-      character(len=8) :: names(size(list_names))
+      character(len=8) :: names(settings)
       integer :: k
 
       if (size(shown) == 1) return
@@ -359,7 +357,7 @@ contains
       character(len=:), allocatable :: table
       character(len=name_length), allocatable :: names(:)
       type(text_t) :: text
-      character(len=8) :: lists(size(list_names))
+      character(len=8) :: lists(settings)
       integer :: k
 
       names = designs%quantities%name
@@ -376,10 +374,12 @@ contains
    !> Returns the names of the settings that may be chosen from lists.
    pure function names_of_lists(designs) result(names)
       type(designs_t), intent(in) :: designs
-      character(len=8) :: names(size(list_names))
+      character(len=8) :: names(settings)
+      character(len=1) :: what   ! time or frequency
 
-      names = list_names
-      if (designs%box%of_lines) names = lists_of_lines
+      what = merge('f', 't', designs%box%of_lines)
+      names = [character(len=8) :: 'x_S', 'x_F', 'duration', what//'_first', what//'_last', &
+         what//'_step']
    end function names_of_lists
 
    !> Adds the row of one experiment.
