@@ -137,7 +137,7 @@ contains
    !> box      with complete lists
    !> windows  (`first` times `step`, `step` fastest)
    !> times    all sample times, ascending, each once [time]
-   !> error    more than `most_times` sample times
+   !> error    more than `most_times` of them
    subroutine list_times(box, windows, times, error)
       type(box_t), intent(in) :: box
       type(window_times_t), allocatable, intent(out) :: windows(:)
@@ -153,8 +153,8 @@ contains
          total = total + sum(max(0.0_wp, last - box%first)/max(box%step(j), tiny(last)) + 1)
       end do
       if (total > most_times) then
-         call bad_input(error, 'found '//to_text(total)//' sample times, expected at most '// &
-            to_text(most_times))
+         call bad_input(error, 'found '//to_text(total)//trim(merge(' frequencies ', &
+            ' sample times', box%of_lines))//', expected at most '//to_text(most_times))
          return
       end if
       allocate (windows(size(box%first)*size(box%step)), all_times(0))
