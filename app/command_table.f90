@@ -65,6 +65,11 @@ module beamid_command_table
          'the information matrix), A (sum of relative variances) and E (least eigenvalue of '// &
          'the information matrix). Uses the exact response on the last mesh. Writes '// &
          'design.csv, labels.csv and summary.txt.', 'design case.nml'), &
+      command_t('track', 'case.nml', 'follow a parameter through a long record', &
+         'Fits windows of the record, each from the result of the window before; the group '// &
+         '&track names the parameter. Flags windows in which the parameter moves. With '// &
+         'file=''-'' in &record it reads standard input line by line, and prints each row at '// &
+         'once. Writes track.csv, labels.csv and summary.txt.', 'track case.nml'), &
       command_t('reproduce', 'WHAT', &
          'compute results of NASA CR-178199 and published benchmarks', &
          'WHAT is '//reproducible//'. section-4 uses a reconstructed record: it checks '// &

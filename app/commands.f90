@@ -156,12 +156,15 @@ contains
    !> name  name of the default folder in out/
    !> case  case file; its text and units are added for reports as case.txt and labels.csv, and the
    !>       outputs must not overwrite its records
-   subroutine deliver(output, summary, settings, name, error, case)
+   !>
+   !> is_printed  whether the summary is printed; default .true.
+   subroutine deliver(output, summary, settings, name, error, case, is_printed)
       type(output_t), intent(inout) :: output
       character(len=*), intent(in) :: summary, name
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t), intent(in), optional :: case
+      logical, intent(in), optional :: is_printed
       character(len=:), allocatable :: folder, kind, lines, summary_file
       integer :: k
 
@@ -189,6 +192,9 @@ contains
       ! A signal may have come during the exchange of the files.
       if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
+      if (present(is_printed)) then
+         if (.not. is_printed) return
+      end if
       call print_text(lines, error)
       if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver

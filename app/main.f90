@@ -15,6 +15,7 @@ program beamid_main
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: append_string, string_t, to_text
    use beamid_terminal, only: complain, print_text
+   use beamid_track, only: run_track
    implicit none
 
    type(settings_t) :: settings
@@ -30,6 +31,7 @@ program beamid_main
       case ('simulate', 'modes', 'frf', 'design'); call run_on_case(settings, error)
       case ('profile', 'sample', 'bootstrap'); call run_inference(settings, error)
       case ('compare'); call run_compare(settings, error)
+      case ('track'); call run_track(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
       case ('ensemble'); call run_ensemble(settings, error)
       case ('new'); call run_new(settings, error)
@@ -130,7 +132,7 @@ contains
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')
          case ('identify', 'simulate', 'modes', 'frf', 'profile', 'sample', 'bootstrap', 'design', &
-            'ensemble')
+            'ensemble', 'track')
             if (given == 0) call bad_input(error, command// &
                ': found nothing, expected a case file')
          case ('compare')

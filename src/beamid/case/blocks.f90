@@ -168,12 +168,15 @@ contains
    !> Gets the path of a file that the case reads, and appends it to `files`. Every file that a case
    !> names must pass through this procedure, because the fingerprint of a case covers the files in
    !> this list.
-   subroutine get_file(self, name, path, help, default)
+   !>
+   !> input  whether '-' stands for standard input; default .false.
+   subroutine get_file(self, name, path, help, default, input)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       !> Path relative to the current folder, as `open` takes it; not allocated: not given.
       character(len=:), allocatable, intent(out) :: path
       character(len=*), intent(in) :: help, default
+      logical, intent(in), optional :: input
       type(key_t) :: key
       character(len=:), allocatable :: texts(:)
 
@@ -184,6 +187,12 @@ contains
       if (texts(1) == '') then
          call self%refuse(name, '''''', 'the path of a file')
          return
+      end if
+      if (present(input)) then
+         if (input .and. texts(1) == '-') then
+            path = '-'
+            return
+         end if
       end if
       path = join_path(self%folder, trim(texts(1)))
       call append_string(self%files, path)

@@ -19,7 +19,7 @@ module beamid_case_checks
    implicit none
    private
 
-   public :: check_needs, can_be_fitted, place_experiment, settle_box, has_grid
+   public :: check_elements, check_needs, can_be_fitted, place_experiment, settle_box, has_grid
    public :: needs_nothing, needs_response, needs_fit, needs_design, needs_modes
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit,
@@ -58,6 +58,9 @@ contains
       do k = 1, size(case%recordings)
          if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
             case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
+         if (allocated(error)) exit
+         if (case%recordings(k)%path == '-') call refuse(case%path, case%recordings(k)%line, &
+            'record file', '''-''', 'the path of a record; only track reads standard input', error)
       end do
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)

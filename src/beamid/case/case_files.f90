@@ -21,13 +21,14 @@ module beamid_case_files
    use beamid_namelist, only: group_t
    use beamid_paths, only: directory_of
    use beamid_plan_groups, only: draw_t, ensemble_t, read_design, read_draw, read_ensemble, &
-      read_prior
+      read_prior, read_track
    use beamid_priors, only: prior_t
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_sampling, only: plan_t
    use beamid_stage_groups, only: read_stage
    use beamid_strings, only: string_t
+   use beamid_tracker, only: track_plan_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -71,6 +72,8 @@ module beamid_case_files
       group_t('multistart', purpose='Repeats the fit from several start values.'), &
       group_t('windows', purpose= &
       'Repeats the last stage in consecutive windows of equal duration.'), &
+      group_t('track', purpose= &
+      'Names the parameter that the command track follows, and the windows that it fits.'), &
       group_t('sample', purpose='Controls the draws of the command sample.'), &
       group_t('bootstrap', purpose='Controls the resampled records of the command bootstrap.'), &
       group_t('noise', purpose= &
@@ -104,6 +107,7 @@ module beamid_case_files
       type(multistart_t) :: multistart          !< group &multistart
       integer :: windows = 0                    !< number of windows in which the last stage is
       !< repeated; 0: none
+      type(track_plan_t), allocatable :: track  !< group &track; not allocated: none
       type(plan_t) :: sampling                  !< group &sample
       type(bootstrap_plan_t) :: bootstrap       !< group &bootstrap
       !> Candidate experiments of `design`; not allocated: no group &design.
@@ -177,6 +181,9 @@ contains
          case ('observation'); call read_observation(block, model%observation)
          case ('multistart'); call read_multistart(block, case%multistart)
          case ('windows'); call read_windows(block, case%windows)
+         case ('track')
+            case%track = track_plan_t(line=block%line)
+            call read_track(block, model%structure, sound, case%track)
          case ('sample'); call read_sample(block, case%sampling)
          case ('bootstrap'); call read_bootstrap(block, case%bootstrap)
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)

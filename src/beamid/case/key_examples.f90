@@ -41,7 +41,8 @@ module beamid_key_examples
       cvode = 'method=''cvode''', &
       difference = 'formula=''displacement_difference'', delta=0.001', &
       fit = 'free=''E'',''c_D''', field = 'free=''E(x)'', coefficients=12', &
-      prior = 'parameter=''length'', sd=0.001', draw = 'parameter=''E'', low=6e10, high=8e10'
+      prior = 'parameter=''length'', sd=0.001', draw = 'parameter=''E'', low=6e10, high=8e10', &
+      track = 'parameter=''E'', window=0.5, hop=0.1'
 
    type(key_example_t), parameter :: structure_examples(*) = [ &
       key_example_t('beam', 'E', beam), &
@@ -180,6 +181,11 @@ module beamid_key_examples
       key_example_t('multistart', 'seed', 'n=50, seed=7'), &
       key_example_t('multistart', 'spread', 'n=50, spread=5'), &
       key_example_t('windows', 'n', 'n=5'), &
+      key_example_t('track', 'parameter', track, allowed=names_without_fields), &
+      key_example_t('track', 'window', track, 'time'), &
+      key_example_t('track', 'hop', track, 'time'), &
+      key_example_t('track', 'rate', track//', rate=1e9', 'unit of the parameter/sqrt(time)'), &
+      key_example_t('track', 'model_error', track//', model_error=2e7', of_parameter), &
       key_example_t('sample', 'draws', 'draws=20000'), &
       key_example_t('sample', 'seed', 'draws=20000, seed=7'), &
       key_example_t('sample', 'method', 'method=''chains'''), &

@@ -1,6 +1,6 @@
 !> Readers of the groups of a case file that name parameters outside a stage: &prior, knowledge that
 !> does not come from the records; &draw and &ensemble, the members of an ensemble; &design, the
-!> candidate experiments. `beamid_case_files` calls them.
+!> candidate experiments; &track, a parameter that is followed. `beamid_case_files` calls them.
 module beamid_plan_groups
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t, is_pulse
@@ -16,11 +16,12 @@ module beamid_plan_groups
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: of_I, of_rho, structure_t
    use beamid_structure_checks, only: check_structure
+   use beamid_tracker, only: track_plan_t
    use beamid_values, only: listed, positive, range_t
    implicit none
    private
 
-   public :: draw_t, ensemble_t, read_prior, read_draw, read_ensemble, read_design
+   public :: draw_t, ensemble_t, read_prior, read_draw, read_ensemble, read_design, read_track
 
    !> A parameter of the simulated beam that is drawn from a uniform distribution for each member.
    type :: draw_t
@@ -212,6 +213,37 @@ contains
       end subroutine check_end
 
    end subroutine read_draw
+
+   !> Reads the group &track.
+   !>
+   !> sound  whether no other group had a problem; otherwise only the keys are read
+   subroutine read_track(block, structure, sound, plan)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      logical, intent(in) :: sound
+      type(track_plan_t), intent(inout) :: plan
+      character(len=:), allocatable :: name
+      real(wp), allocatable :: rate
+
+      call block%get('parameter', name, 'name of the parameter that is followed; it is free in '// &
+         'the last stage', required=.true.)
+      call block%get('window', plan%window, 'length of a window', positive, required=.true.)
+      call block%get('hop', plan%hop, 'time from the start of a window to the start of the next', &
+         positive, required=.true.)
+      call block%get('rate', rate, 'no limit', 'standard deviation of the random walk of the '// &
+         'parameter: of its change in a unit of time; it grows with the square root of time', &
+         positive)
+      call block%get('model_error', plan%model_error, 'standard deviation of the error that the '// &
+         'model causes, as learned from a calibration; part of each interval', range_t(0))
+      call block%close()
+      if (block%failed() .or. .not. sound) return
+      if (allocated(rate)) plan%rate = rate
+      plan%parameter = place_of_name(structure, name)
+      if (plan%parameter == 0 .or. plan%parameter == offset) call block%refuse('parameter', &
+         shown(name), 'one of '//listed(pack(name_of_parameter(structure, parameters%place), &
+         parameters%is_free .and. is_there(structure, parameters%place) .and. &
+         parameters%place /= offset), ' '))
+   end subroutine read_track
 
    !> Reads the group &design.
    !>

@@ -27,6 +27,7 @@ module beamid_see_also
       related_t(a_command, 'sample', 'identify profile bootstrap prior'), &
       related_t(a_command, 'bootstrap', 'identify profile sample'), &
       related_t(a_command, 'compare', 'identify stage'), &
+      related_t(a_command, 'track', 'identify stage windows'), &
       related_t(a_command, 'design', 'identify stage noise'), &
       related_t(a_command, 'reproduce', 'identify'), &
       related_t(a_command, 'ensemble', 'identify draw noise'), &
@@ -55,6 +56,7 @@ module beamid_see_also
       related_t(a_group, 'prior', 'stage sample identify'), &
       related_t(a_group, 'multistart', 'stage start'), &
       related_t(a_group, 'windows', 'stage score identify'), &
+      related_t(a_group, 'track', 'stage record windows'), &
       related_t(a_group, 'sample', 'profile bootstrap prior'), &
       related_t(a_group, 'bootstrap', 'profile sample'), &
       related_t(a_group, 'noise', 'simulate ensemble'), &

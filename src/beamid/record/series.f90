@@ -12,7 +12,7 @@ module beamid_series
    implicit none
    private
 
-   public :: columns_t, series_t, part_t, read_series, series_of
+   public :: columns_t, series_t, part_t, read_series, series_of, find_columns
 
    !> The two columns of a file that a series was read from.
    type :: columns_t

@@ -24,7 +24,7 @@ module beamid_cases
    private
 
    public :: case_t, read_case, parse_case, sample_times, measured_samples, scored_samples, &
-      load_experiments, plan_experiments, grid_times
+      load_experiments, plan_experiments, grid_times, describe_experiment
    public :: can_be_fitted, needs_nothing, needs_modes, needs_response, needs_fit, needs_design
 
 contains
@@ -84,8 +84,8 @@ contains
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: checked_last(5) = [character(len=8) :: 'stage', 'prior', &
-         'design', 'ensemble', 'draw']
+      character(len=*), parameter :: checked_last(6) = [character(len=8) :: 'stage', 'prior', &
+         'design', 'ensemble', 'draw', 'track']
       type(refusals_t) :: all_refusals
       integer :: k
       logical :: sound

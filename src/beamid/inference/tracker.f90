@@ -1,0 +1,417 @@
+!> Follows a parameter through a long record: fits consecutive windows, each from the result of the
+!> window before, while the samples arrive.
+!>
+!> Each window is a free decay with its own amplitudes and its own values of all free parameters.
+!> Gauss-Newton steps from the estimates of the window before find its minimum, mostly with a single
+!> evaluation. The prior of the followed parameter is a random walk from the last window that shares
+!> no sample with this one, so that no sample counts twice.
+!>
+!> A window in which the parameter moves is recognised by its misfit: residuals that are not spread
+!> evenly over the window, a large unexplained share of the energy, or halves of the window that
+!> contradict each other. Windows that are flagged are searched for other minima over the range that
+!> the parameter may have reached.
+module beamid_tracker
+   use beamid_errors, only: error_t
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: as_named
+   use beamid_segments, only: step_t
+   use beamid_simulation, only: model_t
+   use beamid_statistics, only: unlimited
+   use beamid_unknowns, only: quantity_t, stage_t
+   use beamid_variables, only: unbounded
+   use beamid_window_searches, only: found_t, new_window_search, window_search_t, window_segments
+   implicit none
+   private
+
+   public :: track_plan_t, tracked_t, tracker_t, new_tracker
+
+   !> Settings of the group &track.
+   type :: track_plan_t
+      integer :: parameter = 0          !< number in `parameters` of the one that is followed
+      integer :: line = 0               !< of the group in the case file
+      real(wp) :: window = 0            !< length of a window [time]
+      real(wp) :: hop = 0               !< from the start of a window to that of the next [time]
+      !> standard deviation of the random walk [unit of the searched variable/sqrt(time)];
+      !> `unlimited`: no limit
+      real(wp) :: rate = unlimited
+      !> standard deviation of the error of the model [unit of the searched variable]
+      real(wp) :: model_error = 0
+   end type track_plan_t
+
+   !> The result in one window.
+   type :: tracked_t
+      real(wp) :: first = 0, last = 0      !< times of the first and the last sample [time]
+      real(wp) :: estimate = 0, lower = 0, upper = 0   !< with 95 % limits [unit of the parameter]
+      !> share of the energy that the model does not explain
+      real(wp) :: misfit = 1
+      !> '': none. 'moving': the parameter moves in the window. 'unseen': no motion that could
+      !> determine it. 'gap': too few samples
+      character(len=6) :: flag = ''
+      real(wp) :: milliseconds = 0         !< processor time that the window took
+   end type tracked_t
+
+   !> A window that was not flagged.
+   type :: memory_t
+      real(wp) :: middle = 0, last = 0       !< of the window [time]
+      real(wp) :: value = 0, variance = 0    !< of the searched variable
+   end type memory_t
+
+   !> Follows a parameter. Samples come in by `take`.
+   type :: tracker_t
+      type(track_plan_t) :: plan
+      type(quantity_t), allocatable :: quantities(:)      !< (n) the free parameters
+      integer :: which = 0                                !< place of the parameter among them
+      type(window_search_t), private :: search
+      real(wp), allocatable, private :: estimate(:)       !< (n) of the last window with a fit
+      real(wp), allocatable, private :: trusted(:)        !< (n) of the last window without a flag
+      type(memory_t), allocatable, private :: memory(:)   !< by time
+      real(wp), allocatable, private :: t(:), z(:)        !< samples that later windows may use
+      integer, private :: held = 0                        !< number of them
+      integer, private :: windows = 0                     !< number of finished windows
+      real(wp), private :: begin = 0                      !< first sample of all [time]
+      !> least mean square of the residuals of any window [unit of a row]
+      real(wp), private :: floor = huge(1.0_wp)
+      real(wp), private :: basin = unbounded   !< narrowest minimum that was met
+      real(wp), private :: searched = -huge(1.0_wp)   !< time of the last search for other minima
+   contains
+      procedure :: take
+      procedure :: name => parameter_name
+      procedure, private :: fit_window
+      procedure, private :: look_around
+      procedure, private :: judge
+      procedure, private :: flag_of
+      procedure, private :: remember
+      procedure, private :: extrapolate
+      procedure, private :: reach
+   end type tracker_t
+
+   !> A window moves if the mean square of a segment exceeds that of the window by the first factor
+   !> and by so many standard deviations; if it leaves this share of the energy unexplained, and
+   !> residuals of so many times the least of all windows; or if its halves differ by so many
+   !> standard errors. From 2 standard errors on, the interval is widened.
+   real(wp), parameter :: uneven = 2.25_wp, deviations = 5, gross = 0.0625_wp, above_floor = 9, &
+      apart = 4, doubtful = 2
+   !> Energy of a motion that is seen, in variances of the noise.
+   real(wp), parameter :: visible = 50
+
+contains
+
+   !> Makes a tracker that has seen no samples. It must not be copied.
+   !>
+   !> model, mesh, experiment  as in `new_window_search`
+   !> stage    free parameters; the followed one is among them
+   !> error    no start values
+   subroutine new_tracker(model, mesh, experiment, stage, plan, tracker, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiment
+      type(stage_t), intent(in) :: stage
+      type(track_plan_t), intent(in) :: plan
+      type(tracker_t), intent(out) :: tracker
+      type(error_t), allocatable, intent(out) :: error
+
+      tracker%plan = plan
+      tracker%which = findloc(stage%free, plan%parameter, dim=1)
+      call new_window_search(model, mesh, experiment, stage, tracker%which, tracker%search, &
+         tracker%quantities, error)
+      if (allocated(error)) return
+      tracker%estimate = tracker%search%variables%start
+      tracker%trusted = tracker%estimate
+      allocate (tracker%memory(0), tracker%t(4096), tracker%z(4096))
+      ! Weighted rows are in units of the noise that the record states.
+      if (tracker%search%problem%is_weighted()) tracker%floor = 1
+      associate (q => tracker%quantities(tracker%which))
+         if (.not. q%is_reciprocal()) return
+         tracker%plan%rate = plan%rate/q%start**2
+         if (.not. plan%rate < unlimited) tracker%plan%rate = unlimited
+         tracker%plan%model_error = plan%model_error/q%start**2
+      end associate
+   end subroutine new_tracker
+
+   !> Returns the name of the parameter.
+   function parameter_name(self) result(name)
+      class(tracker_t), intent(in) :: self
+      character(len=len(self%quantities%name)) :: name
+
+      name = self%quantities(self%which)%name
+   end function parameter_name
+
+   !> Takes samples, and fits every window that they complete.
+   !>
+   !> t, z   (m) times, ascending, later than those before [time], and accelerations
+   !> rows   result of each completed window
+   !> error  interrupted by the user
+   subroutine take(self, t, z, rows, error)
+      class(tracker_t), intent(inout) :: self
+      real(wp), intent(in) :: t(:), z(:)
+      type(tracked_t), allocatable, intent(out) :: rows(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(tracked_t) :: row
+      real(wp) :: first, before, after
+      integer :: from, k, m, to
+      !> Rounding of a time in units of a window.
+      real(wp), parameter :: slack = 1e-9_wp
+
+      allocate (rows(0))
+      m = size(t)
+      if (m == 0) return
+      if (self%held == 0 .and. self%windows == 0) self%begin = t(1)
+      if (self%held + m > size(self%t)) then
+         self%t = [self%t(:self%held), spread(0.0_wp, 1, self%held + 2*m)]
+         self%z = [self%z(:self%held), spread(0.0_wp, 1, self%held + 2*m)]
+      end if
+      self%t(self%held + 1:self%held + m) = t
+      self%z(self%held + 1:self%held + m) = z
+      self%held = self%held + m
+      from = 1
+      to = 0
+      do
+         first = self%begin + self%windows*self%plan%hop - slack*self%plan%window
+         if (self%t(self%held) < first + self%plan%window) exit
+         do while (self%t(from) < first)
+            from = from + 1
+         end do
+         to = max(to, from - 1)
+         do while (self%t(to + 1) < first + self%plan%window)
+            to = to + 1
+         end do
+         call cpu_time(before)
+         call self%fit_window(self%t(from:to), self%z(from:to), row, error)
+         if (allocated(error)) return
+         call cpu_time(after)
+         if (from > to) row%first = first + slack*self%plan%window
+         if (from > to) row%last = row%first + self%plan%window
+         row%milliseconds = 1e3_wp*(after - before)
+         rows = [rows, row]
+         self%windows = self%windows + 1
+      end do
+      do k = from, self%held
+         self%t(k - from + 1) = self%t(k)
+         self%z(k - from + 1) = self%z(k)
+      end do
+      self%held = self%held - from + 1
+   end subroutine take
+
+   !> Fits and judges one window.
+   !>
+   !> error  interrupted by the user
+   subroutine fit_window(self, t, z, row, error)
+      class(tracker_t), intent(inout) :: self
+      real(wp), intent(in) :: t(:), z(:)
+      type(tracked_t), intent(out) :: row
+      type(error_t), allocatable, intent(out) :: error
+      type(found_t) :: found, other
+      real(wp) :: total
+      logical :: is_due
+
+      row%flag = 'gap'
+      if (size(t) < 2*(size(self%estimate) + self%search%problem%linear_unknowns()) + window_segments) then
+         if (size(t) > 0) row%last = t(size(t))
+         if (size(t) > 0) row%first = t(1)
+         call self%extrapolate(row)
+         return
+      end if
+      row%first = t(1)
+      row%last = t(size(t))
+      call self%search%set_window(t, z)
+      call self%reach(t(1), (t(1) + t(size(t)))/2, self%search%centre, self%search%variance)
+      total = (norm2(z - sum(z)/size(z))*self%search%problem%weight(1))**2
+      call self%search%descend(self%estimate, found, error)
+      if (allocated(error)) return
+      row%flag = self%flag_of(found, total)
+      is_due = row%first - self%searched >= self%plan%window/8
+      if (is_due .and. (self%windows == 0 .or. row%flag == 'moving')) then
+         self%searched = row%first
+         call self%look_around(row%first, row%last, other, error)
+         if (allocated(error)) return
+         if (other%sum_of_squares < found%sum_of_squares) then
+            found = other
+            row%flag = self%flag_of(found, total)
+         end if
+      end if
+      call self%judge(found, total, row)
+   end subroutine fit_window
+
+   !> Returns where the random walk starts, and its variance at a time; `unlimited` if there is no
+   !> limit.
+   !>
+   !> first   the windows before end before this time
+   !> at      time of the variance
+   pure subroutine reach(self, first, at, centre, variance)
+      class(tracker_t), intent(in) :: self
+      real(wp), intent(in) :: first, at
+      real(wp), intent(out) :: centre, variance
+      integer :: k
+
+      centre = self%trusted(self%which)
+      variance = unlimited
+      if (.not. self%plan%rate < unlimited) return
+      do k = size(self%memory), 1, -1
+         if (self%memory(k)%last >= first) cycle
+         centre = self%memory(k)%value
+         variance = self%memory(k)%variance + self%plan%rate**2*(at - self%memory(k)%middle)
+         return
+      end do
+   end subroutine reach
+
+   !> Looks for another minimum over the range that the parameter may have reached.
+   !>
+   !> found  as `descend` returns it, from the best point of a grid
+   !> error  interrupted by the user
+   subroutine look_around(self, first, last, found, error)
+      class(tracker_t), intent(inout) :: self
+      real(wp), intent(in) :: first, last
+      type(found_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      !> Largest number of points at the beginning, and later.
+      integer, parameter :: first_points = 400, later_points = 80
+      real(wp) :: range(2), start(size(self%trusted)), centre, variance
+      integer :: points
+      logical :: is_found
+
+      start = self%trusted
+      associate (v => self%search%variables(self%which), value => self%trusted(self%which))
+         range = [v%lower, v%upper]
+         if (.not. (v%lower > -unbounded .and. v%upper < unbounded)) &
+            range = [max(v%lower, min(value/3, 3*value)), min(v%upper, max(value/3, 3*value))]
+      end associate
+      call self%reach(first, last, centre, variance)
+      if (variance < unlimited) range = [max(range(1), centre - 3*sqrt(variance)), &
+         min(range(2), centre + 3*sqrt(variance))]
+      points = merge(first_points, later_points, self%windows == 0)
+      if (self%basin < unbounded) points = max(1, min(points, &
+         ceiling(2*(range(2) - range(1))/max(self%basin, tiny(centre)))))
+      call self%search%look_around(range, points, start, is_found, error)
+      if (is_found .and. .not. allocated(error)) call self%search%descend(start, found, error)
+   end subroutine look_around
+
+   !> Returns the flag of a fit: '', 'moving' or 'unseen'.
+   !>
+   !> total  energy of the window about its mean, in weighted rows
+   function flag_of(self, found, total) result(flag)
+      class(tracker_t), intent(inout) :: self
+      type(found_t), intent(in) :: found
+      real(wp), intent(in) :: total
+      character(len=6) :: flag
+      real(wp) :: left(window_segments), mean, variance
+      integer :: m, p
+
+      flag = 'unseen'
+      if (.not. found%sum_of_squares < huge(total)) return
+      p = size(found%step%change)
+      m = sum(found%segments%rows)
+      left = found%segments%sums_of_squares(found%step%change)
+      mean = sum(left)/m
+      variance = sum(left)/(m - p)
+      if (.not. self%search%problem%is_weighted()) self%floor = min(self%floor, variance)
+      if (total - sum(left) < visible*variance) return
+      flag = 'moving'
+      if (any(left/found%segments%rows > mean*max(uneven, 1 + deviations*sqrt(2.0_wp &
+         /found%segments%rows)))) return
+      if (sum(left) > gross*total .and. variance > above_floor*self%floor) return
+      if (.not. found%has_settled) return
+      flag = ''
+   end function flag_of
+
+   !> Computes the estimate of a window and its interval.
+   subroutine judge(self, found, total, row)
+      class(tracker_t), intent(inout) :: self
+      type(found_t), intent(in) :: found
+      real(wp), intent(in) :: total
+      type(tracked_t), intent(inout) :: row
+      type(step_t) :: early, late
+      real(wp) :: half, plain, robust, variance, left, difference, error_of_difference, doubt
+      logical :: fixed(size(found%step%change))
+      integer :: m, n, p
+
+      if (row%flag == 'unseen') then
+         call self%extrapolate(row)
+         return
+      end if
+      n = size(self%estimate)
+      p = size(found%step%change)
+      m = sum(found%segments%rows)
+      left = found%sum_of_squares
+      row%misfit = left/total
+      plain = left/(m - p)*found%step%inverse(self%which, self%which)
+      robust = found%segments%robust_variance(self%which, found%step)
+      variance = max(plain, robust)
+      fixed = [(.not. found%step%inverse(n, n) > 0, n=1, p)]
+      early = found%segments%step(1, window_segments/2, fixed)
+      late = found%segments%step(window_segments/2 + 1, window_segments, fixed)
+      doubt = 0
+      if (early%is_regular .and. late%is_regular) then
+         difference = abs(early%change(self%which) - late%change(self%which))
+         error_of_difference = sqrt(left/(m - p)*(early%inverse(self%which, self%which) &
+            + late%inverse(self%which, self%which))*variance/plain + 2*self%plan%model_error**2)
+         if (difference > doubtful*error_of_difference) doubt = difference
+         if (difference > apart*error_of_difference .and. row%flag == '') row%flag = 'moving'
+      end if
+      ! Normal quantile for known degrees of freedom, Student's for the scatter of the segments.
+      half = sqrt(max(1.960_wp**2*plain, 2.262_wp**2*robust) &
+         + (1.960_wp*self%plan%model_error)**2) + doubt
+      self%estimate = self%search%move(found%p, found%step%change(:size(found%p)))
+      associate (q => self%quantities(self%which))
+         q%searched = self%estimate(self%which)
+         call place(q, half, row)
+      end associate
+      if (row%flag == '') call self%remember(row, found, variance, total)
+   end subroutine judge
+
+   !> Sets estimate and limits of a row from the searched variable of a quantity.
+   pure subroutine place(q, half, row)
+      type(quantity_t), intent(inout) :: q
+      real(wp), intent(in) :: half
+      type(tracked_t), intent(inout) :: row
+      real(wp) :: limits(2)
+
+      q%value = as_named(q%parameter, q%searched)
+      limits = q%ends([half, half])
+      row%estimate = q%value
+      row%lower = limits(1)
+      row%upper = limits(2)
+   end subroutine place
+
+   !> Keeps a window without a flag as a start of the random walk and of searches.
+   subroutine remember(self, row, found, variance, total)
+      class(tracker_t), intent(inout) :: self
+      type(tracked_t), intent(in) :: row
+      type(found_t), intent(in) :: found
+      real(wp), intent(in) :: variance, total
+      integer :: first
+
+      self%trusted = self%estimate
+      self%basin = min(self%basin, &
+         sqrt(max(0.0_wp, total - found%sum_of_squares)*found%step%inverse(self%which, self%which)))
+      ! All that a later window may start from, and one more.
+      first = max(1, findloc(self%memory%last >= row%first, .true., dim=1) - 1)
+      if (size(self%memory) > 0) then
+         if (self%memory(size(self%memory))%last < row%first) first = size(self%memory)
+      end if
+      self%memory = [self%memory(first:), memory_t((row%first + row%last)/2, row%last, &
+         self%estimate(self%which), variance)]
+   end subroutine remember
+
+   !> Sets a row of a window that says nothing: the last value, with what the random walk allows.
+   subroutine extrapolate(self, row)
+      class(tracker_t), intent(in) :: self
+      type(tracked_t), intent(inout) :: row
+      type(quantity_t) :: q
+      real(wp) :: centre, half, variance
+
+      q = self%quantities(self%which)
+      call self%reach(row%first, row%last, centre, variance)
+      q%searched = centre
+      half = unbounded
+      if (variance < unlimited) half = 1.960_wp*sqrt(variance + self%plan%model_error**2)
+      call place(q, half, row)
+      if (.not. half < unbounded) then
+         row%lower = q%lower
+         row%upper = q%upper
+      end if
+      row%misfit = 1
+   end subroutine extrapolate
+
+end module beamid_tracker

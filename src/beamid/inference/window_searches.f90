@@ -1,0 +1,252 @@
+!> Fits one window of a long record after another by Gauss-Newton steps. A window is a free decay
+!> with amplitudes of its own. One parameter may have a prior of its own in each window.
+module beamid_window_searches
+   use beamid_errors, only: error_t, status_interrupted
+   use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
+   use beamid_galerkin, only: mesh_t
+   use beamid_kinds, only: wp
+   use beamid_observation, only: new_sampling
+   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_segments, only: new_segments, segments_t, step_t
+   use beamid_simulation, only: model_t
+   use beamid_statistics, only: unlimited
+   use beamid_time_records, only: time_record_t
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: window_search_t, found_t, new_window_search
+
+   !> Number of segments of a window; even, so that a window has halves.
+   integer, parameter, public :: window_segments = 10
+
+   !> A fit of one window: the point of the last evaluation, and the step behind it.
+   type :: found_t
+      real(wp), allocatable :: p(:)        !< (n) free parameters
+      type(segments_t) :: segments         !< rows at this point
+      type(step_t) :: step                 !< to the minimum; of parameters, then linear unknowns
+      real(wp) :: sum_of_squares = huge(1.0_wp)   !< of weighted residuals, behind the step
+      logical :: has_settled = .false.     !< the step is small
+   end type found_t
+
+   !> A fit whose samples are replaced from window to window.
+   type :: window_search_t
+      type(residual_t) :: problem
+      type(variable_t), allocatable :: variables(:)   !< (n) start and bounds
+      integer :: which = 0                 !< place of the parameter with a prior of its own
+      !> mean and variance of this prior; `unlimited`: none [unit of the searched variable]
+      real(wp) :: centre = 0, variance = unlimited
+   contains
+      procedure :: set_window
+      procedure :: descend
+      procedure :: look_around
+      procedure :: move
+      procedure, private :: evaluate
+      procedure, private :: hold
+   end type window_search_t
+
+   !> Evaluations after which a search ends, and the decrease of the sum of squares, in variances of
+   !> the noise, below which a step is small: it is then a tenth of a standard error, and its own
+   !> error is far smaller.
+   integer, parameter :: most = 6
+   real(wp), parameter :: small = 1e-2_wp
+
+contains
+
+   !> Makes the search. It must not be copied, because its solver refers to its mesh.
+   !>
+   !> model, mesh  as in `new_residuals`
+   !> experiment  a free decay; its samples are replaced
+   !> stage       free parameters
+   !> which       place of the parameter that may have a prior in each window
+   !> quantities  (n) the free parameters
+   !> error       the model cannot be computed; no start values
+   subroutine new_window_search(model, mesh, experiment, stage, which, search, quantities, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiment
+      type(stage_t), intent(in) :: stage
+      integer, intent(in) :: which
+      type(window_search_t), intent(out) :: search
+      type(quantity_t), allocatable, intent(out) :: quantities(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call new_residuals(model, mesh, [experiment], search%problem, error, free=stage%free)
+      if (allocated(error)) return
+      search%which = which
+      call set_free(search%problem, stage)
+      call variables_of(stage, search%problem%scenario, search%variables, quantities, error)
+   end subroutine new_window_search
+
+   !> Replaces the samples.
+   !>
+   !> t, z  (m) times, ascending [time], and accelerations
+   subroutine set_window(self, t, z)
+      class(window_search_t), intent(inout) :: self
+      real(wp), intent(in) :: t(:), z(:)
+
+      select type (observed => self%problem%parts(1)%observed)
+      type is (time_record_t)
+         observed%sampling = new_sampling(observed%sampling%observation, t)
+         observed%measured = z
+      end select
+   end subroutine set_window
+
+   !> Searches the minimum of the window.
+   !>
+   !> start  (n) free parameters
+   !> found  with `sum_of_squares` = huge if the model cannot be computed at the start
+   !> error  interrupted by the user
+   subroutine descend(self, start, found, error)
+      class(window_search_t), intent(inout) :: self
+      real(wp), intent(in) :: start(:)
+      type(found_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(found_t) :: trial
+      real(wp) :: share, best
+      integer :: k
+
+      found%p = start
+      trial%p = start
+      share = 1
+      best = huge(best)
+      do k = 1, most
+         call self%evaluate(trial, error)
+         if (allocated(error)) return
+         if (trial%step%is_regular .and. trial%sum_of_squares < best) then
+            found = trial
+            best = trial%sum_of_squares
+            share = 1
+         else if (k == 1) then
+            found%step = trial%step
+            return
+         else
+            share = share/4
+         end if
+         if (found%has_settled) exit
+         trial%p = self%move(found%p, share*found%step%change)
+      end do
+      ! Only a small step is taken without another evaluation.
+      if (.not. found%has_settled) found%step%change = 0
+      found%sum_of_squares = sum(found%segments%sums_of_squares(found%step%change))
+   end subroutine descend
+
+   !> Evaluates the rows at `trial%p`, and computes the step to the minimum and the sum of squares
+   !> before it.
+   subroutine evaluate(self, trial, error)
+      class(window_search_t), intent(inout) :: self
+      type(found_t), intent(inout) :: trial
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: r(:), jac(:, :), c(:)
+      type(error_t), allocatable :: refusal
+      real(wp) :: slope, variance
+      integer :: m, n, p
+
+      m = self%problem%samples()
+      n = size(trial%p)
+      p = n + self%problem%linear_unknowns()
+      allocate (r(self%problem%rows()), jac(self%problem%rows(), p), c(p - n))
+      trial%step%is_regular = .false.
+      trial%sum_of_squares = huge(1.0_wp)
+      call self%problem%evaluate(trial%p, r, jac, refusal, c)
+      if (allocated(refusal)) then
+         if (refusal%status == status_interrupted) call move_alloc(refusal, error)
+         return
+      end if
+      trial%segments = new_segments(jac, r, m, window_segments)
+      trial%sum_of_squares = sum(r(:m)**2)
+      variance = max(trial%sum_of_squares/(m - p), tiny(variance))
+      if (self%variance < unlimited) then
+         slope = sqrt(variance/self%variance)
+         call trial%segments%add_row(self%which, slope, slope*(trial%p(self%which) - self%centre))
+      end if
+      call self%hold(trial)
+      trial%has_settled = trial%step%is_regular .and. trial%step%decrease <= small*variance
+      if (.not. trial%step%is_regular) return
+      associate (v => self%variables, change => trial%step%change(:n))
+         if (any(trial%p + change < v%lower .or. trial%p + change > v%upper)) &
+            trial%has_settled = .false.
+      end associate
+   end subroutine evaluate
+
+   !> Computes the step. A parameter at a bound stays there if the step would cross the bound.
+   subroutine hold(self, trial)
+      class(window_search_t), intent(in) :: self
+      type(found_t), intent(inout) :: trial
+      logical, allocatable :: held(:), leaves(:)
+      integer :: k, n
+
+      n = size(trial%p)
+      held = spread(.false., 1, size(trial%segments%further, 1) - 1)
+      do k = 0, n
+         trial%step = trial%segments%step(1, window_segments, held)
+         if (.not. trial%step%is_regular) return
+         associate (v => self%variables, p => trial%p, moved => trial%p + trial%step%change(:n))
+            leaves = moved < v%lower .and. p <= v%lower .or. moved > v%upper .and. p >= v%upper
+         end associate
+         if (.not. any(leaves)) return
+         held(:n) = held(:n) .or. leaves
+      end do
+   end subroutine hold
+
+   !> Returns a point moved by a step, inside the bounds; a positive parameter loses at most half.
+   !>
+   !> p       (n)
+   !> change  (n or more)
+   pure function move(self, p, change) result(moved)
+      class(window_search_t), intent(in) :: self
+      real(wp), intent(in) :: p(:), change(:)
+      real(wp) :: moved(size(p))
+      integer :: k
+
+      do k = 1, size(p)
+         associate (v => self%variables(k))
+            moved(k) = min(max(p(k) + change(k), v%lower), v%upper)
+            if (v%lower >= 0 .and. p(k) > 1e-3_wp*v%magnitude) moved(k) = max(moved(k), p(k)/2)
+         end associate
+      end do
+   end function move
+
+   !> Finds the point of the least sum of squares on a grid of the parameter with its own prior. The
+   !> amplitudes adapt at each point.
+   !>
+   !> p      (n) on entry the other parameters; on return the best point
+   !> range  ends of the grid
+   !> points  number of its points
+   !> is_found  .false.: the model could not be computed anywhere
+   !> error  interrupted by the user
+   subroutine look_around(self, range, points, p, is_found, error)
+      class(window_search_t), intent(inout) :: self
+      real(wp), intent(in) :: range(2)
+      integer, intent(in) :: points
+      real(wp), intent(inout) :: p(:)
+      logical, intent(out) :: is_found
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: r(self%problem%rows()), best, least
+      type(error_t), allocatable :: refusal
+      integer :: k
+
+      is_found = .false.
+      best = p(self%which)
+      least = huge(least)
+      do k = 1, points
+         p(self%which) = range(1) + (k - 0.5_wp)/points*(range(2) - range(1))
+         call self%problem%residuals(p, r, refusal)
+         if (allocated(refusal)) then
+            if (refusal%status == status_interrupted) then
+               call move_alloc(refusal, error)
+               return
+            end if
+            cycle
+         end if
+         if (sum(r**2) >= least) cycle
+         is_found = .true.
+         least = sum(r**2)
+         best = p(self%which)
+      end do
+      p(self%which) = best
+   end subroutine look_around
+
+end module beamid_window_searches
