@@ -185,7 +185,7 @@ module beamid_key_examples
       key_example_t('track', 'window', track, 'time'), &
       key_example_t('track', 'hop', track, 'time'), &
       key_example_t('track', 'rate', track//', rate=1e9', 'unit of the parameter/sqrt(time)'), &
-      key_example_t('track', 'model_error', track//', model_error=2e7', of_parameter), &
+      key_example_t('track', 'frequency_error', track//', frequency_error=0.005'), &
       key_example_t('sample', 'draws', 'draws=20000'), &
       key_example_t('sample', 'seed', 'draws=20000, seed=7'), &
       key_example_t('sample', 'method', 'method=''chains'''), &

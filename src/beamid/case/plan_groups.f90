@@ -233,8 +233,9 @@ contains
       call block%get('rate', rate, 'no limit', 'standard deviation of the random walk of the '// &
          'parameter: of its change in a unit of time; it grows with the square root of time', &
          positive)
-      call block%get('model_error', plan%model_error, 'standard deviation of the error that the '// &
-         'model causes, as learned from a calibration; part of each interval', range_t(0))
+      call block%get('frequency_error', plan%frequency_error, 'standard deviation of the '// &
+         'relative error of each natural frequency of the model, and of the error of each '// &
+         'damping ratio, as learned from a calibration; each interval allows for it', range_t(0, 0.1_wp))
       call block%close()
       if (block%failed() .or. .not. sound) return
       if (allocated(rate)) plan%rate = rate

@@ -161,16 +161,19 @@ contains
          b=1, size(total))]
    end function sums_of_squares
 
-   !> Returns the variance of an unknown behind a step, from the scatter of the segments. It allows
+   !> Returns the variance of an unknown behind a step, from the scatter of the segments and the
+   !> noise of the further rows. It allows
    !> for residuals that depend on one another within a segment (a cluster-robust variance: Liang
    !> and Zeger, Biometrika 73, 1986, 13).
    !>
    !> k     number of the unknown
    !> step  from all segments
-   pure real(wp) function robust_variance(self, k, step) result(variance)
+   !> noise  variance of a further row
+   pure real(wp) function robust_variance(self, k, step, noise) result(variance)
       class(segments_t), intent(in) :: self
       integer, intent(in) :: k
       type(step_t), intent(in) :: step
+      real(wp), intent(in) :: noise
       real(wp) :: x(size(step%change) + 1)
       integer :: b, n, p
 
@@ -178,7 +181,8 @@ contains
       n = size(self%rows)
       x = [step%change, 1.0_wp]
       variance = sum([(dot_product(step%inverse(k, :), matmul(self%products(:p, :, b), x))**2, &
-         b=1, n)])*n/max(1, n - 1)
+         b=1, n)])*n/max(1, n - 1) + noise*dot_product(step%inverse(k, :), &
+         matmul(self%further(:p, :p), step%inverse(:, k)))
    end function robust_variance
 
 end module beamid_segments

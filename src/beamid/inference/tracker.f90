@@ -36,8 +36,9 @@ module beamid_tracker
       !> standard deviation of the random walk [unit of the searched variable/sqrt(time)];
       !> `unlimited`: no limit
       real(wp) :: rate = unlimited
-      !> standard deviation of the error of the model [unit of the searched variable]
-      real(wp) :: model_error = 0
+      !> standard deviation of the error of each natural frequency and decay rate of the model,
+      !> relative to the frequency
+      real(wp) :: frequency_error = 0
    end type track_plan_t
 
    !> The result in one window.
@@ -114,10 +115,12 @@ contains
 
       tracker%plan = plan
       tracker%which = findloc(stage%free, plan%parameter, dim=1)
-      call new_window_search(model, mesh, experiment, stage, tracker%which, tracker%search, &
-         tracker%quantities, error)
+      call new_window_search(model, mesh, experiment, stage, tracker%which, plan%frequency_error, &
+         tracker%search, tracker%quantities, error)
       if (allocated(error)) return
       tracker%estimate = tracker%search%variables%start
+      if (plan%frequency_error > 0) &
+         tracker%estimate = [tracker%estimate, 0*tracker%search%omega, 0*tracker%search%omega]
       tracker%trusted = tracker%estimate
       allocate (tracker%memory(0), tracker%t(4096), tracker%z(4096))
       ! Weighted rows are in units of the noise that the record states.
@@ -126,7 +129,6 @@ contains
          if (.not. q%is_reciprocal()) return
          tracker%plan%rate = plan%rate/q%start**2
          if (.not. plan%rate < unlimited) tracker%plan%rate = unlimited
-         tracker%plan%model_error = plan%model_error/q%start**2
       end associate
    end subroutine new_tracker
 
@@ -266,12 +268,13 @@ contains
       type(found_t), intent(out) :: found
       type(error_t), allocatable, intent(out) :: error
       !> Largest number of points at the beginning, and later.
-      integer, parameter :: first_points = 400, later_points = 80
+      integer, parameter :: first_points = 400, later_points = 160
       real(wp) :: range(2), start(size(self%trusted)), centre, variance
       integer :: points
       logical :: is_found
 
       start = self%trusted
+      start(size(self%quantities) + 1:) = 0
       associate (v => self%search%variables(self%which), value => self%trusted(self%which))
          range = [v%lower, v%upper]
          if (.not. (v%lower > -unbounded .and. v%upper < unbounded)) &
@@ -302,7 +305,7 @@ contains
       if (.not. found%sum_of_squares < huge(total)) return
       p = size(found%step%change)
       m = sum(found%segments%rows)
-      left = found%segments%sums_of_squares(found%step%change)
+      left = found%squares
       mean = sum(left)/m
       variance = sum(left)/(m - p)
       if (.not. self%search%problem%is_weighted()) self%floor = min(self%floor, variance)
@@ -330,13 +333,12 @@ contains
          call self%extrapolate(row)
          return
       end if
-      n = size(self%estimate)
       p = size(found%step%change)
       m = sum(found%segments%rows)
       left = found%sum_of_squares
       row%misfit = left/total
-      plain = left/(m - p)*found%step%inverse(self%which, self%which)
-      robust = found%segments%robust_variance(self%which, found%step)
+      plain = found%variance*found%step%inverse(self%which, self%which)
+      robust = found%segments%robust_variance(self%which, found%step, found%variance)
       variance = max(plain, robust)
       fixed = [(.not. found%step%inverse(n, n) > 0, n=1, p)]
       early = found%segments%step(1, window_segments/2, fixed)
@@ -344,15 +346,14 @@ contains
       doubt = 0
       if (early%is_regular .and. late%is_regular) then
          difference = abs(early%change(self%which) - late%change(self%which))
-         error_of_difference = sqrt(left/(m - p)*(early%inverse(self%which, self%which) &
-            + late%inverse(self%which, self%which))*variance/plain + 2*self%plan%model_error**2)
+         error_of_difference = sqrt(found%variance*(early%inverse(self%which, self%which) &
+            + late%inverse(self%which, self%which))*variance/plain)
          if (difference > doubtful*error_of_difference) doubt = difference
          if (difference > apart*error_of_difference .and. row%flag == '') row%flag = 'moving'
       end if
       ! Normal quantile for known degrees of freedom, Student's for the scatter of the segments.
-      half = sqrt(max(1.960_wp**2*plain, 2.262_wp**2*robust) &
-         + (1.960_wp*self%plan%model_error)**2) + doubt
-      self%estimate = self%search%move(found%p, found%step%change(:size(found%p)))
+      half = sqrt(max(1.960_wp**2*plain, 2.262_wp**2*robust)) + doubt
+      self%estimate = self%search%move(found%p, found%step%change)
       associate (q => self%quantities(self%which))
          q%searched = self%estimate(self%which)
          call place(q, half, row)
@@ -405,7 +406,7 @@ contains
       call self%reach(row%first, row%last, centre, variance)
       q%searched = centre
       half = unbounded
-      if (variance < unlimited) half = 1.960_wp*sqrt(variance + self%plan%model_error**2)
+      if (variance < unlimited) half = 1.960_wp*sqrt(variance)
       call place(q, half, row)
       if (.not. half < unbounded) then
          row%lower = q%lower

@@ -1,11 +1,13 @@
 !> Fits one window of a long record after another by Gauss-Newton steps. A window is a free decay
 !> with amplitudes of its own. One parameter may have a prior of its own in each window.
 module beamid_window_searches
+   use beamid_autoregression, only: predictor_of, take_prediction
    use beamid_errors, only: error_t, status_interrupted
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
+   use beamid_model_roots, only: model_roots
    use beamid_observation, only: new_sampling
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_segments, only: new_segments, segments_t, step_t
@@ -24,10 +26,15 @@ module beamid_window_searches
 
    !> A fit of one window: the point of the last evaluation, and the step behind it.
    type :: found_t
-      real(wp), allocatable :: p(:)        !< (n) free parameters
+      !> (n or n + 2 modes) free parameters; real and imaginary part of the deviation of each root
+      !> from the model, if the roots have an error [1/time]
+      real(wp), allocatable :: p(:)
       type(segments_t) :: segments         !< rows at this point
       type(step_t) :: step                 !< to the minimum; of parameters, then linear unknowns
-      real(wp) :: sum_of_squares = huge(1.0_wp)   !< of weighted residuals, behind the step
+      !> (segments) weighted squared residuals, not whitened, at the last evaluation
+      real(wp), allocatable :: squares(:)
+      real(wp) :: sum_of_squares = huge(1.0_wp)   !< of the squares
+      real(wp) :: variance = 0             !< of the whitened residuals
       logical :: has_settled = .false.     !< the step is small
    end type found_t
 
@@ -38,12 +45,18 @@ module beamid_window_searches
       integer :: which = 0                 !< place of the parameter with a prior of its own
       !> mean and variance of this prior; `unlimited`: none [unit of the searched variable]
       real(wp) :: centre = 0, variance = unlimited
+      !> standard deviation of real and imaginary part of the relative error of each root of the
+      !> model; 0: none
+      real(wp) :: frequency_error = 0
+      real(wp), allocatable :: omega(:)    !< (modes) angular frequencies at the start [1/time]
    contains
       procedure :: set_window
       procedure :: descend
       procedure :: look_around
       procedure :: move
       procedure, private :: evaluate
+      procedure, private :: compute_rows
+      procedure, private :: set_deviations
       procedure, private :: hold
    end type window_search_t
 
@@ -52,6 +65,8 @@ module beamid_window_searches
    !> error is far smaller.
    integer, parameter :: most = 6
    real(wp), parameter :: small = 1e-2_wp
+   !> Order of the autoregressive process that whitens the residuals of a window.
+   integer, parameter :: order = 6
 
 contains
 
@@ -61,23 +76,33 @@ contains
    !> experiment  a free decay; its samples are replaced
    !> stage       free parameters
    !> which       place of the parameter that may have a prior in each window
+   !> frequency_error  as in `window_search_t`
    !> quantities  (n) the free parameters
    !> error       the model cannot be computed; no start values
-   subroutine new_window_search(model, mesh, experiment, stage, which, search, quantities, error)
+   subroutine new_window_search(model, mesh, experiment, stage, which, frequency_error, search, &
+      quantities, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiment
       type(stage_t), intent(in) :: stage
       integer, intent(in) :: which
+      real(wp), intent(in) :: frequency_error
       type(window_search_t), intent(out) :: search
       type(quantity_t), allocatable, intent(out) :: quantities(:)
       type(error_t), allocatable, intent(out) :: error
+      complex(wp), allocatable :: s(:), ds(:, :)
 
       call new_residuals(model, mesh, [experiment], search%problem, error, free=stage%free)
       if (allocated(error)) return
       search%which = which
       call set_free(search%problem, stage)
       call variables_of(stage, search%problem%scenario, search%variables, quantities, error)
+      search%frequency_error = frequency_error
+      if (allocated(error) .or. .not. frequency_error > 0) return
+      allocate (s(experiment%excitation%modes))
+      allocate (ds(size(s), size(stage%free)))
+      call model_roots(search%problem, search%problem%with(search%variables%start), 1, s, ds, error)
+      if (.not. allocated(error)) search%omega = abs(aimag(s))
    end subroutine new_window_search
 
    !> Replaces the samples.
@@ -130,46 +155,108 @@ contains
       end do
       ! Only a small step is taken without another evaluation.
       if (.not. found%has_settled) found%step%change = 0
-      found%sum_of_squares = sum(found%segments%sums_of_squares(found%step%change))
    end subroutine descend
 
-   !> Evaluates the rows at `trial%p`, and computes the step to the minimum and the sum of squares
-   !> before it.
+   !> Evaluates the rows at `trial%p`, and computes the step to the minimum.
    subroutine evaluate(self, trial, error)
       class(window_search_t), intent(inout) :: self
       type(found_t), intent(inout) :: trial
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: r(:), jac(:, :), c(:)
+      real(wp), allocatable :: r(:), jac(:, :)
       type(error_t), allocatable :: refusal
-      real(wp) :: slope, variance
-      integer :: m, n, p
+      real(wp) :: predictor(order), slope
+      integer :: k, m, n, p
 
       m = self%problem%samples()
-      n = size(trial%p)
-      p = n + self%problem%linear_unknowns()
-      allocate (r(self%problem%rows()), jac(self%problem%rows(), p), c(p - n))
+      p = size(trial%p) + self%problem%linear_unknowns()
       trial%step%is_regular = .false.
       trial%sum_of_squares = huge(1.0_wp)
-      call self%problem%evaluate(trial%p, r, jac, refusal, c)
+      call self%compute_rows(trial%p, r, jac, refusal)
       if (allocated(refusal)) then
          if (refusal%status == status_interrupted) call move_alloc(refusal, error)
          return
       end if
+      trial%squares = [(sum(r(nint(real(k - 1, wp)*m/window_segments) + 1: &
+         nint(real(k, wp)*m/window_segments))**2), k=1, window_segments)]
+      trial%sum_of_squares = sum(trial%squares)
+      predictor = predictor_of(r(:m), order)
+      call take_prediction(predictor, r(:m))
+      do k = 1, p
+         call take_prediction(predictor, jac(:m, k))
+      end do
       trial%segments = new_segments(jac, r, m, window_segments)
-      trial%sum_of_squares = sum(r(:m)**2)
-      variance = max(trial%sum_of_squares/(m - p), tiny(variance))
+      trial%variance = max(sum(r(:m)**2)/(m - p), tiny(1.0_wp))
       if (self%variance < unlimited) then
-         slope = sqrt(variance/self%variance)
+         slope = sqrt(trial%variance/self%variance)
          call trial%segments%add_row(self%which, slope, slope*(trial%p(self%which) - self%centre))
       end if
+      n = size(self%variables)
+      do k = n + 1, size(trial%p)
+         slope = sqrt(trial%variance)/(self%frequency_error*self%omega((k - n + 1)/2))
+         call trial%segments%add_row(k, slope, slope*trial%p(k))
+      end do
       call self%hold(trial)
-      trial%has_settled = trial%step%is_regular .and. trial%step%decrease <= small*variance
       if (.not. trial%step%is_regular) return
+      trial%has_settled = all([(trial%step%change(k)**2 <= small*trial%variance &
+         *trial%step%inverse(k, k), k=1, size(trial%p))])
       associate (v => self%variables, change => trial%step%change(:n))
-         if (any(trial%p + change < v%lower .or. trial%p + change > v%upper)) &
+         if (any(trial%p(:n) + change < v%lower .or. trial%p(:n) + change > v%upper)) &
             trial%has_settled = .false.
       end associate
    end subroutine evaluate
+
+   !> Computes residuals, and their derivatives by the free parameters, the deviations of the roots,
+   !> and the linear unknowns.
+   !>
+   !> p    (n or n + 2 modes) free parameters; real and imaginary part of each deviation
+   !> r    (rows)
+   !> jac  (rows, size(p) + linear unknowns)
+   subroutine compute_rows(self, p, r, jac, error)
+      class(window_search_t), intent(inout) :: self
+      real(wp), intent(in) :: p(:)
+      real(wp), allocatable, intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: without(:, :), c(:)
+      integer :: first, k, m, n, rows, unknowns
+
+      m = self%problem%samples()
+      rows = self%problem%rows()
+      unknowns = self%problem%linear_unknowns()
+      n = size(self%variables)
+      allocate (r(rows), c(unknowns), without(rows, n + unknowns), jac(rows, size(p) + unknowns))
+      call self%set_deviations(p)
+      call self%problem%evaluate(p(:n), r, without, error, c)
+      if (allocated(error)) return
+      jac(:, :n) = without(:, :n)
+      jac(:, size(p) + 1:) = without(:, n + 1:)
+      select type (observed => self%problem%parts(1)%observed)
+      type is (time_record_t)
+         associate (t => observed%sampling%sample_times)
+            do k = 1, size(p) - n, 2
+               ! The columns of a mode are Re z and -Im z, z proportional to e**(s t).
+               first = size(p) + k
+               jac(:m, n + k) = (t - t(1))*(c(k)*jac(:m, first) + c(k + 1)*jac(:m, first + 1))
+               jac(:m, n + k + 1) = (t - t(1))*(c(k)*jac(:m, first + 1) - c(k + 1)*jac(:m, first))
+               jac(m + 1:, n + k:n + k + 1) = 0
+            end do
+         end associate
+      end select
+   end subroutine compute_rows
+
+   !> Sets the deviations of the roots.
+   !>
+   !> p  as in `compute_rows`
+   subroutine set_deviations(self, p)
+      class(window_search_t), intent(inout) :: self
+      real(wp), intent(in) :: p(:)
+      integer :: n
+
+      select type (observed => self%problem%parts(1)%observed)
+      type is (time_record_t)
+         n = size(self%variables)
+         if (size(p) > n) observed%deviation = cmplx(p(n + 1::2), p(n + 2::2), wp)
+      end select
+   end subroutine set_deviations
 
    !> Computes the step. A parameter at a bound stays there if the step would cross the bound.
    subroutine hold(self, trial)
@@ -178,12 +265,13 @@ contains
       logical, allocatable :: held(:), leaves(:)
       integer :: k, n
 
-      n = size(trial%p)
+      n = size(self%variables)
       held = spread(.false., 1, size(trial%segments%further, 1) - 1)
       do k = 0, n
          trial%step = trial%segments%step(1, window_segments, held)
          if (.not. trial%step%is_regular) return
-         associate (v => self%variables, p => trial%p, moved => trial%p + trial%step%change(:n))
+         associate (v => self%variables, p => trial%p(:n), &
+            moved => trial%p(:n) + trial%step%change(:n))
             leaves = moved < v%lower .and. p <= v%lower .or. moved > v%upper .and. p >= v%upper
          end associate
          if (.not. any(leaves)) return
@@ -193,17 +281,18 @@ contains
 
    !> Returns a point moved by a step, inside the bounds; a positive parameter loses at most half.
    !>
-   !> p       (n)
-   !> change  (n or more)
+   !> p       as in `found_t`
+   !> change  as long, or longer
    pure function move(self, p, change) result(moved)
       class(window_search_t), intent(in) :: self
       real(wp), intent(in) :: p(:), change(:)
       real(wp) :: moved(size(p))
       integer :: k
 
-      do k = 1, size(p)
+      moved = p + change(:size(p))
+      do k = 1, size(self%variables)
          associate (v => self%variables(k))
-            moved(k) = min(max(p(k) + change(k), v%lower), v%upper)
+            moved(k) = min(max(moved(k), v%lower), v%upper)
             if (v%lower >= 0 .and. p(k) > 1e-3_wp*v%magnitude) moved(k) = max(moved(k), p(k)/2)
          end associate
       end do
@@ -233,7 +322,8 @@ contains
       least = huge(least)
       do k = 1, points
          p(self%which) = range(1) + (k - 0.5_wp)/points*(range(2) - range(1))
-         call self%problem%residuals(p, r, refusal)
+         call self%set_deviations(p)
+         call self%problem%residuals(p(:size(self%variables)), r, refusal)
          if (allocated(refusal)) then
             if (refusal%status == status_interrupted) then
                call move_alloc(refusal, error)

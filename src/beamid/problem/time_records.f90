@@ -26,6 +26,9 @@ module beamid_time_records
    !> A record of accelerations [length/time**2].
    type, extends(observed_data_t) :: time_record_t
       type(sampling_t) :: sampling   !< sample times, observation formula and response times
+      !> (modes) deviation of the root of each free mode from that of the model; not allocated: none
+      !> [1/time]
+      complex(wp), allocatable :: deviation(:)
    contains
       procedure :: evaluate
       procedure :: condense
@@ -244,6 +247,11 @@ contains
          if (count > 0) call failure(error, 'this method has no modes')
       end select
       if (allocated(error)) return
+      if (allocated(self%deviation)) then
+         do k = 1, count
+            modes(k)%s = modes(k)%s + self%deviation(k)
+         end do
+      end if
       if (.not. allocated(first%modes)) then
          first%begin = self%sampling%sample_times(1)
          first%modes = modes

@@ -94,8 +94,8 @@ contains
             (rows%upper - rows%lower)/2, is_clear)))//unit_suffix(case%units%of_parameter( &
             case%track%parameter)))
       end if
-      if (.not. case%track%model_error > 0) call text%line('the intervals contain no error of '// &
-         'the model; a calibration shows it (model_error in &track)')
+      if (.not. case%track%frequency_error > 0) call text%line('the intervals contain no error of '// &
+         'the model; a calibration shows it (frequency_error of &track)')
       call text%line('processor time of a window, median: '//to_text(median( &
          rows%milliseconds))//' ms')
       summary = text%content()
