@@ -34,7 +34,10 @@ module beamid_window_searches
       !> (segments) weighted squared residuals, not whitened, at the last evaluation
       real(wp), allocatable :: squares(:)
       real(wp) :: sum_of_squares = huge(1.0_wp)   !< of the squares
+      !> (order) coefficients that whiten the residuals; not allocated: from the next evaluation
+      real(wp), allocatable :: predictor(:)
       real(wp) :: variance = 0             !< of the whitened residuals
+      real(wp) :: objective = 0            !< sum of squares of whitened and further rows
       logical :: has_settled = .false.     !< the step is small
    end type found_t
 
@@ -140,9 +143,9 @@ contains
       do k = 1, most
          call self%evaluate(trial, error)
          if (allocated(error)) return
-         if (trial%step%is_regular .and. trial%sum_of_squares < best) then
+         if (trial%step%is_regular .and. trial%objective < best) then
             found = trial
-            best = trial%sum_of_squares
+            best = trial%objective
             share = 1
          else if (k == 1) then
             found%step = trial%step
@@ -164,7 +167,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: r(:), jac(:, :)
       type(error_t), allocatable :: refusal
-      real(wp) :: predictor(order), slope
+      real(wp) :: slope
       integer :: k, m, n, p
 
       m = self%problem%samples()
@@ -179,10 +182,10 @@ contains
       trial%squares = [(sum(r(nint(real(k - 1, wp)*m/window_segments) + 1: &
          nint(real(k, wp)*m/window_segments))**2), k=1, window_segments)]
       trial%sum_of_squares = sum(trial%squares)
-      predictor = predictor_of(r(:m), order)
-      call take_prediction(predictor, r(:m))
+      if (.not. allocated(trial%predictor)) trial%predictor = predictor_of(r(:m), order)
+      call take_prediction(trial%predictor, r(:m))
       do k = 1, p
-         call take_prediction(predictor, jac(:m, k))
+         call take_prediction(trial%predictor, jac(:m, k))
       end do
       trial%segments = new_segments(jac, r, m, window_segments)
       trial%variance = max(sum(r(:m)**2)/(m - p), tiny(1.0_wp))
@@ -195,6 +198,7 @@ contains
          slope = sqrt(trial%variance)/(self%frequency_error*self%omega((k - n + 1)/2))
          call trial%segments%add_row(k, slope, slope*trial%p(k))
       end do
+      trial%objective = sum(r(:m)**2) + trial%segments%further(p + 1, p + 1)
       call self%hold(trial)
       if (.not. trial%step%is_regular) return
       trial%has_settled = all([(trial%step%change(k)**2 <= small*trial%variance &
@@ -279,7 +283,7 @@ contains
       end do
    end subroutine hold
 
-   !> Returns a point moved by a step, inside the bounds; a positive parameter loses at most half.
+   !> Returns a point moved by a step, inside the bounds.
    !>
    !> p       as in `found_t`
    !> change  as long, or longer
@@ -293,7 +297,6 @@ contains
       do k = 1, size(self%variables)
          associate (v => self%variables(k))
             moved(k) = min(max(moved(k), v%lower), v%upper)
-            if (v%lower >= 0 .and. p(k) > 1e-3_wp*v%magnitude) moved(k) = max(moved(k), p(k)/2)
          end associate
       end do
    end function move
