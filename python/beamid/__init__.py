@@ -20,12 +20,13 @@ from ._inference import (Bootstrap, Inference, Interval, Posterior, Profile, Pro
                          profile, sample)
 from ._library import BeamidError, ComputationError, InputError, NoFit
 from ._responses import Response, response
+from ._tracking import TrackedWindow, Tracker
 
 __all__ = ["BeamidError", "Bootstrap", "ComparedModel", "Comparison", "ComputationError", "Design",
            "Ensemble", "Estimate", "Fit", "FittedMode", "FittedResponse", "FrequencyRecord",
            "FrequencyResponse", "Inference", "InputError", "Interval", "MemberStatistics",
            "ModalRecord", "Mode", "Modes", "NestedPair", "NoFit", "Posterior", "Problem",
-           "Profile", "Profiles", "Record", "Response", "Results", "Simulation", "bootstrap",
-           "compare", "design", "ensemble", "fit", "frf", "load", "modes", "profile", "response",
-           "sample", "simulate"]
+           "Profile", "Profiles", "Record", "Response", "Results", "Simulation", "TrackedWindow",
+           "Tracker", "bootstrap", "compare", "design", "ensemble", "fit", "frf", "load", "modes",
+           "profile", "response", "sample", "simulate"]
 __version__ = "0.2.0"

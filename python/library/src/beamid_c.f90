@@ -20,6 +20,7 @@ module beamid_c
    use beamid_c_responses, only: beamid_respond
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
    use beamid_c_runs, only: beamid_run
+   use beamid_c_tracking, only: beamid_track_begin, beamid_track_rows, beamid_track_take
    use beamid_case_checks, only: check_needs
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: add_mesh_shifts, add_score_tests, fit_case, judge_case, load_case
@@ -40,7 +41,7 @@ module beamid_c
 
    public :: beamid_watch_forks, beamid_begin, beamid_end, beamid_open, beamid_close, beamid_fit, &
       beamid_judge, beamid_infer, beamid_respond, beamid_run, beamid_array, beamid_text, &
-      beamid_groups
+      beamid_groups, beamid_track_begin, beamid_track_take, beamid_track_rows
 
 contains
 

@@ -12,7 +12,7 @@ module beamid_c_handles
    implicit none
    private
 
-   public :: problem_t, outcome_t, new_handle, borrow_problem, borrow_outcome, give_back, &
+   public :: problem_t, outcome_t, new_handle, borrow, borrow_problem, borrow_outcome, give_back, &
       close_handle
 
    !> One place of the table of objects.
