@@ -45,7 +45,7 @@ contains
       end if
       if (allocated(error)) return
       call add_track(output, tracker%name(), rows)
-      call deliver(output, track_summary(case, tracker%name(), rows), settings, case%name, error, &
+      call deliver(output, track_summary(case, tracker, rows), settings, case%name, error, &
          case, is_printed=.not. is_stream)
       if (.not. allocated(error) .and. .not. any(rows%flag == '')) call failure(error, &
          case%path//': no window determines '//trim(tracker%name()))

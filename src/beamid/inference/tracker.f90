@@ -21,7 +21,8 @@ module beamid_tracker
    use beamid_statistics, only: unlimited
    use beamid_unknowns, only: quantity_t, stage_t
    use beamid_variables, only: unbounded
-   use beamid_window_searches, only: found_t, new_window_search, window_search_t, window_segments
+   use beamid_window_searches, only: found_t, largest_change, new_window_search, &
+      window_search_t, window_segments
    implicit none
    private
 
@@ -37,7 +38,7 @@ module beamid_tracker
       !> `unlimited`: no limit
       real(wp) :: rate = unlimited
       !> standard deviation of the error of each natural frequency and decay rate of the model,
-      !> relative to the frequency
+      !> relative to the frequency, apart from that of the mesh
       real(wp) :: frequency_error = 0
    end type track_plan_t
 
@@ -64,6 +65,9 @@ module beamid_tracker
       type(track_plan_t) :: plan
       type(quantity_t), allocatable :: quantities(:)      !< (n) the free parameters
       integer :: which = 0                                !< place of the parameter among them
+      integer :: elements = 0                             !< of the mesh
+      !> relative change of the natural frequencies with twice as many elements
+      real(wp) :: mesh_error = 0
       type(window_search_t), private :: search
       real(wp), allocatable, private :: estimate(:)       !< (n) of the last window with a fit
       real(wp), allocatable, private :: trusted(:)        !< (n) of the last window without a flag
@@ -94,6 +98,11 @@ module beamid_tracker
    !> standard errors. From 2 standard errors on, the interval is widened.
    real(wp), parameter :: uneven = 2.25_wp, deviations = 5, gross = 0.0625_wp, above_floor = 9, &
       apart = 4, doubtful = 2
+   !> Largest number of elements that a refinement tries, and a mesh error that needs no refinement.
+   integer, parameter :: finest = 64
+   real(wp), parameter :: precise = 5e-5_wp
+   !> Least relative error of a frequency: it keeps the equations regular.
+   real(wp), parameter :: least_error = 1e-9_wp
    !> Energy of a motion that is seen, in variances of the noise.
    real(wp), parameter :: visible = 50
 
@@ -101,34 +110,53 @@ contains
 
    !> Makes a tracker that has seen no samples. It must not be copied.
    !>
-   !> model, mesh, experiment  as in `new_window_search`
+   !> The change of the natural frequencies to a mesh of twice as many elements is part of the error
+   !> of the model.
+   !>
+   !> model, experiment  as in `new_window_search`
+   !> mesh     coarsest mesh; a finer one is used if it `refines`
+   !> refines  whether to refine the mesh until its error is far below the other errors
    !> stage    free parameters; the followed one is among them
-   !> error    no start values
-   subroutine new_tracker(model, mesh, experiment, stage, plan, tracker, error)
+   !> error    the model cannot be computed; no start values
+   subroutine new_tracker(model, mesh, refines, experiment, stage, plan, tracker, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
+      logical, intent(in) :: refines
       type(experiment_t), intent(in) :: experiment
       type(stage_t), intent(in) :: stage
       type(track_plan_t), intent(in) :: plan
       type(tracker_t), intent(out) :: tracker
       type(error_t), allocatable, intent(out) :: error
+      type(window_search_t) :: finer
+      type(quantity_t), allocatable :: quantities(:)
+      type(mesh_t) :: used
 
       tracker%plan = plan
       tracker%which = findloc(stage%free, plan%parameter, dim=1)
-      call new_window_search(model, mesh, experiment, stage, tracker%which, plan%frequency_error, &
-         tracker%search, tracker%quantities, error)
-      if (allocated(error)) return
+      used = mesh
+      do
+         call new_window_search(model, used, experiment, stage, tracker%which, tracker%search, &
+            tracker%quantities, error)
+         if (allocated(error)) return
+         tracker%elements = used%elements
+         used%elements = 2*used%elements
+         call new_window_search(model, used, experiment, stage, tracker%which, finer, quantities, &
+            error)
+         if (allocated(error)) return
+         tracker%mesh_error = largest_change(tracker%search, finer)
+         if (.not. refines .or. tracker%elements >= finest) exit
+         if (tracker%mesh_error <= max(precise, plan%frequency_error/10)) exit
+      end do
+      tracker%search%frequency_error = hypot(plan%frequency_error, max(tracker%mesh_error, &
+         least_error))
       tracker%estimate = tracker%search%variables%start
-      if (plan%frequency_error > 0) &
-         tracker%estimate = [tracker%estimate, 0*tracker%search%omega, 0*tracker%search%omega]
+      tracker%estimate = [tracker%estimate, 0*tracker%search%omega, 0*tracker%search%omega]
       tracker%trusted = tracker%estimate
       allocate (tracker%memory(0), tracker%t(4096), tracker%z(4096))
       ! Weighted rows are in units of the noise that the record states.
       if (tracker%search%problem%is_weighted()) tracker%floor = 1
       associate (q => tracker%quantities(tracker%which))
-         if (.not. q%is_reciprocal()) return
-         tracker%plan%rate = plan%rate/q%start**2
-         if (.not. plan%rate < unlimited) tracker%plan%rate = unlimited
+         if (q%is_reciprocal() .and. plan%rate < unlimited) tracker%plan%rate = plan%rate/q%start**2
       end associate
    end subroutine new_tracker
 

@@ -19,15 +19,15 @@ module beamid_window_searches
    implicit none
    private
 
-   public :: window_search_t, found_t, new_window_search
+   public :: window_search_t, found_t, largest_change, new_window_search
 
    !> Number of segments of a window; even, so that a window has halves.
    integer, parameter, public :: window_segments = 10
 
    !> A fit of one window: the point of the last evaluation, and the step behind it.
    type :: found_t
-      !> (n or n + 2 modes) free parameters; real and imaginary part of the deviation of each root
-      !> from the model, if the roots have an error [1/time]
+      !> (n + 2 modes) free parameters; real and imaginary part of the deviation of each root from
+      !> the model [1/time]
       real(wp), allocatable :: p(:)
       type(segments_t) :: segments         !< rows at this point
       type(step_t) :: step                 !< to the minimum; of parameters, then linear unknowns
@@ -49,7 +49,7 @@ module beamid_window_searches
       !> mean and variance of this prior; `unlimited`: none [unit of the searched variable]
       real(wp) :: centre = 0, variance = unlimited
       !> standard deviation of real and imaginary part of the relative error of each root of the
-      !> model; 0: none
+      !> model, > 0
       real(wp) :: frequency_error = 0
       real(wp), allocatable :: omega(:)    !< (modes) angular frequencies at the start [1/time]
    contains
@@ -79,17 +79,14 @@ contains
    !> experiment  a free decay; its samples are replaced
    !> stage       free parameters
    !> which       place of the parameter that may have a prior in each window
-   !> frequency_error  as in `window_search_t`
    !> quantities  (n) the free parameters
    !> error       the model cannot be computed; no start values
-   subroutine new_window_search(model, mesh, experiment, stage, which, frequency_error, search, &
-      quantities, error)
+   subroutine new_window_search(model, mesh, experiment, stage, which, search, quantities, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiment
       type(stage_t), intent(in) :: stage
       integer, intent(in) :: which
-      real(wp), intent(in) :: frequency_error
       type(window_search_t), intent(out) :: search
       type(quantity_t), allocatable, intent(out) :: quantities(:)
       type(error_t), allocatable, intent(out) :: error
@@ -100,13 +97,19 @@ contains
       search%which = which
       call set_free(search%problem, stage)
       call variables_of(stage, search%problem%scenario, search%variables, quantities, error)
-      search%frequency_error = frequency_error
-      if (allocated(error) .or. .not. frequency_error > 0) return
+      if (allocated(error)) return
       allocate (s(experiment%excitation%modes))
       allocate (ds(size(s), size(stage%free)))
       call model_roots(search%problem, search%problem%with(search%variables%start), 1, s, ds, error)
       if (.not. allocated(error)) search%omega = abs(aimag(s))
    end subroutine new_window_search
+
+   !> Returns the largest relative change of a natural frequency from one search to the other.
+   pure real(wp) function largest_change(one, other) result(change)
+      type(window_search_t), intent(in) :: one, other
+
+      change = maxval(abs(other%omega - one%omega)/other%omega)
+   end function largest_change
 
    !> Replaces the samples.
    !>
@@ -124,7 +127,7 @@ contains
 
    !> Searches the minimum of the window.
    !>
-   !> start  (n) free parameters
+   !> start  as `p` of `found_t`
    !> found  with `sum_of_squares` = huge if the model cannot be computed at the start
    !> error  interrupted by the user
    subroutine descend(self, start, found, error)
@@ -212,7 +215,7 @@ contains
    !> Computes residuals, and their derivatives by the free parameters, the deviations of the roots,
    !> and the linear unknowns.
    !>
-   !> p    (n or n + 2 modes) free parameters; real and imaginary part of each deviation
+   !> p    (n + 2 modes) free parameters; real and imaginary part of each deviation
    !> r    (rows)
    !> jac  (rows, size(p) + linear unknowns)
    subroutine compute_rows(self, p, r, jac, error)
@@ -258,7 +261,7 @@ contains
       select type (observed => self%problem%parts(1)%observed)
       type is (time_record_t)
          n = size(self%variables)
-         if (size(p) > n) observed%deviation = cmplx(p(n + 1::2), p(n + 2::2), wp)
+         observed%deviation = cmplx(p(n + 1::2), p(n + 2::2), wp)
       end select
    end subroutine set_deviations
 

@@ -7,7 +7,7 @@ module beamid_track_reports
    use beamid_sorting, only: median
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
-   use beamid_tracker, only: tracked_t
+   use beamid_tracker, only: tracked_t, tracker_t
    use beamid_variables, only: unbounded
    implicit none
    private
@@ -60,9 +60,9 @@ contains
    !> Returns the summary: windows, flags, range of the parameter, and processor time.
    !>
    !> rows  one or more
-   function track_summary(case, name, rows) result(summary)
+   function track_summary(case, tracker, rows) result(summary)
       type(case_t), intent(in) :: case
-      character(len=*), intent(in) :: name
+      type(tracker_t), intent(inout) :: tracker
       type(tracked_t), intent(in) :: rows(:)
       character(len=:), allocatable :: summary
       character(len=6), parameter :: flags(3) = ['moving', 'unseen', 'gap   ']
@@ -72,8 +72,10 @@ contains
          ' windows are flagged ''gap'': they have too few samples']
       type(text_t) :: text
       logical :: is_clear(size(rows))
+      character(len=:), allocatable :: name
       integer :: k, n
 
+      name = trim(tracker%name())
       is_clear = rows%flag == ''
       call text%line(case%name//': '//trim(name)//' in '//to_text(size(rows))//' windows of '// &
          to_text(case%track%window)//unit_suffix(case%units%time)//', from t = '// &
@@ -94,6 +96,9 @@ contains
             (rows%upper - rows%lower)/2, is_clear)))//unit_suffix(case%units%of_parameter( &
             case%track%parameter)))
       end if
+      call text%line('mesh: '//to_text(tracker%elements)//' elements; with twice as many, a '// &
+         'natural frequency changes by up to '//to_text(tracker%mesh_error)//' of itself, and '// &
+         'the intervals allow for that')
       if (.not. case%track%frequency_error > 0) call text%line('the intervals contain no error of '// &
          'the model; a calibration shows it (frequency_error of &track)')
       call text%line('processor time of a window, median: '//to_text(median( &

@@ -71,8 +71,8 @@ contains
       experiment%samples = [0.0_wp, 1.0_wp]
       experiment%measured = [0.0_wp, 0.0_wp]
       associate (stage => case%stages(size(case%stages)))
-         call new_tracker(case%model, case%meshes(size(case%meshes)), experiment, stage, &
-            case%track, tracker, error)
+         call new_tracker(case%model, case%meshes(size(case%meshes)), case%refines, experiment, &
+            stage, case%track, tracker, error)
       end associate
       call locate(error, case%path)
    end subroutine prepare_tracking
