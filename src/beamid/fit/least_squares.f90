@@ -95,6 +95,7 @@ contains
       result%start = variables%start
       must_compare = associated(search%smooth) .and. options%check
       if (must_compare) then
+         if (rows < m) search%evaluations = search%evaluations + 1
          call check_derivatives(result%start, at_start)
          if (allocated(error)) return
       end if
@@ -168,14 +169,12 @@ contains
          real(wp), intent(in) :: parameters(:)
          real(wp), allocatable, intent(out) :: difference
          character(len=:), allocatable :: name
-         logical :: is_known, is_done
+         logical :: is_done
          integer :: k
 
-         is_known = size(result%residual) == m
-         if (rows < m .and. .not. is_known) search%evaluations = search%evaluations + 1
          call search%smooth%check_sample(parameters, search%variables, difference, k, is_done)
          if (.not. is_done) then
-            if (.not. is_known) call find_all_rows_at(parameters)
+            if (size(result%residual) < m) call find_all_rows_at(parameters)
             if (allocated(error)) return
             call compare_derivatives(search%problem, parameters, search%variables, &
                result%jacobian, difference, k)

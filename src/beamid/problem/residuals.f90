@@ -180,8 +180,9 @@ contains
    !>               linear unknowns being eliminated. (size(r), n + k): derivatives with respect to
    !>               all unknowns, first the parameters, then the k linear unknowns, each with all
    !>               others fixed
-   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. For each motion they
-   !>               are cosine and sine of each mode, then the offset of each channel
+   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. With n columns and
+   !>               `coefficients`, the linear unknowns are fixed in the derivatives. For each motion
+   !>               they are cosine and sine of each mode, then the offset of each channel
    !> error         interrupted by the user; the model cannot be computed; the samples cannot tell
    !>               the linear unknowns apart
    subroutine evaluate(self, parameters, r, jac, error, coefficients)
@@ -222,7 +223,7 @@ contains
                   present(coefficients), y, dy, phi, c, error)
                if (allocated(error)) return
                block(:, active) = dy
-               if (present(coefficients) .and. size(c) > 0) &
+               if (present(coefficients) .and. size(c) > 0 .and. size(jac, 2) > n) &
                   block(:, column + 1:column + size(c)) = phi
             end if
             if (allocated(error)) return
