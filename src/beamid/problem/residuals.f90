@@ -27,8 +27,9 @@ module beamid_residuals
 
    public :: residual_t, new_residuals
 
-   !> Number of samples of a record above which exact derivatives are compared with differences at
-   !> some of the samples only: about 1/k of a record of k times as many.
+   !> Largest number of samples of a record at which exact derivatives are all compared with
+   !> differences. Of a longer record, every k-th run of neighbours is compared, with the smallest k
+   !> that leaves about this number or less.
    integer, parameter, public :: checked_samples = 8192
 
    !> The residuals of a fit as a function of its free parameters.
@@ -180,9 +181,9 @@ contains
    !>               linear unknowns being eliminated. (size(r), n + k): derivatives with respect to
    !>               all unknowns, first the parameters, then the k linear unknowns, each with all
    !>               others fixed
-   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. With n columns and
-   !>               `coefficients`, the linear unknowns are fixed in the derivatives. For each motion
-   !>               they are cosine and sine of each mode, then the offset of each channel
+   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. With n columns,
+   !>               they are fixed in the derivatives. For each motion they are cosine and sine of
+   !>               each mode, then the offset of each channel
    !> error         interrupted by the user; the model cannot be computed; the samples cannot tell
    !>               the linear unknowns apart
    subroutine evaluate(self, parameters, r, jac, error, coefficients)

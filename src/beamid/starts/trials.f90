@@ -12,8 +12,8 @@ module beamid_trials
    implicit none
    private
 
-   public :: trial_t, accepted_range, add_residual, try_start, object, is_multiple, resting, inseparable, &
-      gain_of_mode
+   public :: trial_t, accepted_range, add_residual, try_start, object, is_multiple, resting, &
+      inseparable, gain_of_mode
 
    !> A fit from one start.
    type :: trial_t

@@ -104,7 +104,7 @@ contains
       character(len=*), intent(in) :: text
       integer(int64), intent(in) :: before, polynomial, ones
       integer(int64), parameter :: low = 255
-      integer(ip), parameter :: long = 4096
+      integer(ip), parameter :: long = 8192
       integer(int64) :: remainder(0:255, 0:7)   !< of single bytes, with as many zero bytes behind
       integer(int64) :: bits
       integer(ip) :: at, eights
@@ -127,10 +127,14 @@ contains
       do at = 1, 8*eights, 8
          ! The first byte is the lowest, as processors store it on which this program runs.
          bits = ieor(crc, transfer(text(at:at + 7), bits))
-         crc = 0
-         do k = 0, 7
-            crc = ieor(crc, remainder(iand(shiftr(bits, 8*k), low), 7 - k))
-         end do
+         crc = ieor(ieor(ieor(remainder(iand(bits, low), 7), &
+            remainder(iand(shiftr(bits, 8), low), 6)), &
+            ieor(remainder(iand(shiftr(bits, 16), low), 5), &
+            remainder(iand(shiftr(bits, 24), low), 4))), &
+            ieor(ieor(remainder(iand(shiftr(bits, 32), low), 3), &
+            remainder(iand(shiftr(bits, 40), low), 2)), &
+            ieor(remainder(iand(shiftr(bits, 48), low), 1), &
+            remainder(shiftr(bits, 56), 0))))
       end do
       do at = 8*eights + 1, len(text, ip)
          crc = ieor(shiftr(crc, 8), remainder(iand(ieor(crc, iachar(text(at:at), int64)), low), 0))
