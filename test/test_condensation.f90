@@ -1,3 +1,34 @@
+!> A fit with a mistake.
+module mistaken_fits
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_residuals, only: residual_t
+   implicit none
+   private
+
+   public :: mistaken_t
+
+   !> A fit whose derivatives by its third parameter are wrong by 2 %.
+   type, extends(residual_t) :: mistaken_t
+   contains
+      procedure :: jacobian
+   end type mistaken_t
+
+contains
+
+   !> Computes residuals and derivatives. Arguments as of `residual_t`.
+   subroutine jacobian(self, parameters, r, jac, error)
+      class(mistaken_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%residual_t%jacobian(parameters, r, jac, error)
+      jac(:, 3) = 1.02_wp*jac(:, 3)
+   end subroutine jacobian
+
+end module mistaken_fits
+
 !> Condensed rows of long records: exponentials against quadruple precision, decompositions of
 !> matrices of known condition, and searches that see condensed rows against those that see all.
 program test_condensation
@@ -16,12 +47,14 @@ program test_condensation
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
-   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_problems, only: compare_derivatives
+   use beamid_residuals, only: checked_samples, new_residuals, residual_t
    use beamid_strings, only: to_text
    use beamid_structure, only: sensor_t, structure_t
-   use beamid_variables, only: new_variable, unbounded
+   use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
    use free_decays, only: formulas, made, mesh, names, noise_of, noisy, stamps, truth
+   use mistaken_fits, only: mistaken_t
    use models, only: model_of
    implicit none
 
@@ -35,6 +68,8 @@ program test_condensation
    call test_ill_conditioned()
    call test_one_record()
    call test_not_converged()
+   call test_sample()
+   call test_without_rows()
    call test_noise_free()
    call test_formulas()
    call test_channels()
@@ -421,6 +456,74 @@ contains
       call check_close('not converged: derivatives', maxval(abs(found%jacobian - jac)), 0.0_wp, &
          0.0_wp)
    end subroutine test_not_converged
+
+   !> The variables of a fit that starts at a factor of the true values.
+   function variables_from(factor) result(variables)
+      real(wp), intent(in) :: factor(:)
+      type(variable_t) :: variables(size(exact))
+      integer :: k
+
+      variables = [(new_variable(factor(k)*exact(k), 0.0_wp, unbounded, exact(k)), &
+         k=1, size(exact))]
+   end function variables_from
+
+   !> The derivatives of a long record are compared with differences at some samples. A mistake is
+   !> found there, and the fit has all its samples afterwards. A shorter record is compared as a
+   !> whole.
+   subroutine test_sample()
+      integer, parameter :: m = checked_samples + 1000
+      type(residual_t) :: problem
+      type(mistaken_t) :: mistaken
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: r(:), jac(:, :), worst, worst_of_all
+      integer :: wrong
+      logical :: is_done
+
+      problem = problem_of([long_record(m, 3, 4)], truth, 3, [prior_t ::])
+      associate (variables => variables_from(near))
+         call problem%check_sample(near*exact, variables, worst, wrong, is_done)
+         call check('sample: compared', is_done .and. allocated(worst) .and. wrong == 0)
+         call check('sample: all samples are there again', problem%rows() == m .and. &
+            size(problem%parts(1)%observed%times()) == m)
+         allocate (r(m), jac(m, size(exact)))
+         call problem%jacobian(near*exact, r, jac, error)
+         call compare_derivatives(problem, near*exact, variables, jac, worst_of_all, wrong)
+         ! Both are the error of the same differences, at more or less than half of the samples.
+         if (allocated(worst)) call check('sample: the difference of all samples', worst > 0 .and. &
+            abs(log(worst/worst_of_all)) < log(2.0_wp), to_text(worst)//', '//to_text(worst_of_all))
+      end associate
+      mistaken%residual_t = problem
+      call fit(mistaken, m, variables_from(near), options_t(), found, error, names=names)
+      call check('sample: a mistake is found', allocated(error))
+      if (allocated(error)) call check('sample: the parameter is named', &
+         index(error%message, 'derivative by c_D disagrees') > 0, error%message)
+      problem = problem_of([long_record(1000, 3, 4)], truth, 3, [prior_t ::])
+      call problem%check_sample(near*exact, variables_from(near), worst, wrong, is_done)
+      call check('sample: not of a shorter record', .not. is_done)
+   end subroutine test_sample
+
+   !> A search for the estimate alone leaves no rows, and finds the same estimate and the same J.
+   subroutine test_without_rows()
+      type(residual_t) :: problem, same
+      type(fit_t) :: found, bare
+      type(error_t), allocatable :: error
+
+      problem = problem_of([long_record(3000, 3, 4)], truth, 3, [prior_t ::])
+      same = problem
+      call fit(problem, problem%rows(), variables_from(near), options_t(check=.false.), &
+         found, error)
+      call check('with rows: converged', .not. allocated(error))
+      call fit(same, same%rows(), variables_from(near), options_t(check=.false., &
+         all_rows=.false.), bare, error)
+      call check('without rows: converged', .not. allocated(error))
+      call check('with rows', size(found%residual) == 3000 .and. size(found%jacobian, 1) == 3000)
+      call check('without rows', size(bare%residual) == 0 .and. size(bare%jacobian, 1) == 0)
+      ! The same computation: exact.
+      call check_close('without rows: estimate', maxval(abs(bare%estimate - found%estimate)), &
+         0.0_wp, 0.0_wp)
+      call check_close('without rows: J', bare%J, found%J, 0.0_wp)
+   end subroutine test_without_rows
 
    !> A record that is made of the columns of the linear unknowns themselves leaves round-off.
    subroutine test_noise_free()

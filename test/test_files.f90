@@ -1,10 +1,59 @@
+!> A table that notes how many of its rows are wanted at once.
+module long_tables
+   use beamid_row_tables, only: row_table_t
+   use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
+   implicit none
+   private
+
+   public :: squares_t
+
+   !> Numbers and their squares.
+   type, extends(row_table_t) :: squares_t
+      logical :: is_sound = .true.   !< what `is_finite` returns
+   contains
+      procedure :: add_rows
+      procedure :: is_finite
+   end type squares_t
+
+   !> Largest number of rows that were added at once.
+   integer, public :: most_rows = 0
+
+contains
+
+   !> Adds rows. Arguments as of `row_table_t`.
+   subroutine add_rows(self, first, last, text)
+      class(squares_t), intent(in) :: self
+      integer, intent(in) :: first, last
+      type(text_t), intent(inout) :: text
+      integer :: k
+
+      most_rows = max(most_rows, last - first + 1)
+      do k = first, min(last, self%rows)
+         call text%line(to_text(k)//','//to_text(k*k))
+      end do
+   end subroutine add_rows
+
+   !> Returns what the test wants.
+   pure logical function is_finite(self)
+      class(squares_t), intent(in) :: self
+
+      is_finite = self%is_sound
+   end function is_finite
+
+end module long_tables
+
 !> Reading whole files, and writing all outputs or none.
 program test_files
+   use, intrinsic :: iso_fortran_env, only: int32, int64
    use beamid_errors, only: error_t
    use beamid_files, only: read_text
+   use beamid_fingerprints, only: crc32, crc64
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
+   use beamid_row_tables, only: row_table_t
    use checks, only: check, finish
+   use long_tables, only: most_rows, squares_t
    use shell, only: own_path
    implicit none
 
@@ -28,6 +77,8 @@ program test_files
    call test_refusals()
    call test_writing()
    call test_manifest()
+   call test_long_checksums()
+   call test_long_table()
    call test_outdated()
    call test_harmless_failure()
    call test_rollback()
@@ -142,6 +193,68 @@ contains
          line_feed//'check.csv 9 cbf43926 run'//line_feed//'empty.csv 0 00000000 run'// &
          line_feed//'bytes 256 29058c73 run'//line_feed, content('listed/manifest.txt'))
    end subroutine test_manifest
+
+   !> Eight bytes at once give the checksums that single bytes give, as in texts that are too short
+   !> for it, wherever the first eight begin.
+   subroutine test_long_checksums()
+      character(len=:), allocatable :: text
+      integer(int32) :: sum_32
+      integer(int64) :: sum_64
+      integer :: begin, first
+
+      text = repeat(all_bytes//'odd', 40)
+      do begin = 1, 9
+         sum_32 = 0
+         sum_64 = 0
+         do first = begin, len(text), 100
+            associate (piece => text(first:min(first + 99, len(text))))
+               sum_32 = crc32(piece, sum_32)
+               sum_64 = crc64(piece, sum_64)
+            end associate
+         end do
+         call check('CRC-32 of a long text', crc32(text(begin:), 0_int32) == sum_32)
+         call check('CRC-64 of a long text', crc64(text(begin:), 0_int64) == sum_64)
+      end do
+   end subroutine test_long_checksums
+
+   !> The rows of a table are written in pieces. The file and its line in the manifest are those of
+   !> the whole text.
+   subroutine test_long_table()
+      integer, parameter :: rows = 10000
+      character(len=*), parameter :: header = 'k,square'//line_feed
+      type(output_t) :: output, whole, unsound
+      class(row_table_t), allocatable :: table
+      type(error_t), allocatable :: error
+
+      allocate (table, source=squares_t(rows=rows))
+      call output%add('before.csv', 'old')
+      call output%add_table('table.csv', header, table)
+      call check('a table is handed over', .not. allocated(table))
+      call output%add('after.csv', 'new')
+      most_rows = 0
+      call output%commit(scratch//'/rows', error)
+      call check('a table is written', .not. allocated(error))
+      call check('some rows at a time', most_rows > 0 .and. 2*most_rows <= rows)
+      call check('rows of a table', index(output%text_of('table.csv'), header//'1,1'//line_feed// &
+         '2,4'//line_feed) == 1 .and. index(output%text_of('table.csv'), line_feed// &
+         '10000,100000000'//line_feed) > 0)
+      call check('the file is the whole text', content('rows/table.csv') == &
+         output%text_of('table.csv'))
+      call whole%add('before.csv', 'old')
+      call whole%add('table.csv', output%text_of('table.csv'))
+      call whole%add('after.csv', 'new')
+      call whole%commit(scratch//'/text', error)
+      call check('manifest of a table', content('rows/manifest.txt') == content( &
+         'text/manifest.txt'))
+      call output%check_finite(error)
+      call check('finite numbers', .not. allocated(error))
+      allocate (table, source=squares_t(rows=rows, is_sound=.false.))
+      call unsound%add_table('table.csv', header, table)
+      call unsound%check_finite(error)
+      call check_failed('numbers that are not finite', error, 1, 'not finite')
+      call output%add('table.csv', 'short')
+      call check('a text replaces a table', output%text_of('table.csv') == 'short')
+   end subroutine test_long_table
 
    !> What an earlier run of the same command has written and this one has not goes, unless
    !> somebody has changed it; the files of another command, and of others, stay. A line that leads

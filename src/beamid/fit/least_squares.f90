@@ -90,19 +90,13 @@ contains
          return
       end if
       call prepare()
-      allocate (result%residual(m), result%jacobian(m, size(variables)))
+      allocate (result%residual(0), result%jacobian(0, size(variables)))
       allocate (residual(rows), jacobian(rows, size(variables)))
       result%start = variables%start
       must_compare = associated(search%smooth) .and. options%check
       if (must_compare) then
-         if (rows < m) then
-            search%evaluations = search%evaluations + 1
-            call search%smooth%jacobian(result%start, result%residual, result%jacobian, error)
-         else
-            call search%evaluate_at(result%start, result%residual, error)
-            if (.not. allocated(error)) result%jacobian = search%evaluated(search%here)%jacobian
-         end if
-         if (.not. allocated(error)) call check_derivatives(result%start, at_start)
+         if (rows < m) search%evaluations = search%evaluations + 1
+         call check_derivatives(result%start, at_start)
          if (allocated(error)) return
       end if
       do attempt = 1, size(first_steps)
@@ -168,17 +162,23 @@ contains
       !> Compares exact derivatives with central differences, because a fit with wrong derivatives
       !> is wrong.
       !>
-      !> parameters  (n) physical values at which `result` has the Jacobian
+      !> parameters  (n) physical values at which `result` has the Jacobian, unless it has no rows
       !> difference  largest relative difference of a column; not allocated if the differences
       !>             cannot be computed
       subroutine check_derivatives(parameters, difference)
          real(wp), intent(in) :: parameters(:)
          real(wp), allocatable, intent(out) :: difference
          character(len=:), allocatable :: name
+         logical :: is_done
          integer :: k
 
-         call compare_derivatives(search%problem, parameters, search%variables, &
-            result%jacobian, difference, k)
+         call search%smooth%check_sample(parameters, search%variables, difference, k, is_done)
+         if (.not. is_done) then
+            if (size(result%residual) < m) call find_all_rows_at(parameters)
+            if (allocated(error)) return
+            call compare_derivatives(search%problem, parameters, search%variables, &
+               result%jacobian, difference, k)
+         end if
          if (k == 0) return
          name = trim(search%names(k))
          if (name == '') name = 'parameter '//to_text(k)
@@ -244,22 +244,41 @@ contains
 
       !> Computes the residuals at the parameters of a search that has no variable to move.
       subroutine find_residual()
-         call search%problem%residuals(search%parameters, result%residual, error)
+         real(wp), allocatable :: r(:)
+
+         allocate (r(m))
+         call search%problem%residuals(search%parameters, r, error)
          if (allocated(error)) return
          residual = 0
-         if (rows == m) residual = result%residual
-         if (rows < m) residual(1) = norm2(result%residual)
+         if (rows == m) residual = r
+         if (rows < m) residual(1) = norm2(r)
       end subroutine find_residual
 
       !> Computes all rows of the residuals and of the Jacobian at the estimate.
       subroutine find_all_rows()
          if (rows < m) then
-            call search%smooth%jacobian(result%estimate, result%residual, result%jacobian, error)
+            deallocate (result%residual, result%jacobian)
+            allocate (result%residual(0), result%jacobian(0, size(variables)))
+            if (options%all_rows) call find_all_rows_at(result%estimate)
          else
-            result%residual = residual
-            result%jacobian = jacobian
+            call move_alloc(residual, result%residual)
+            call move_alloc(jacobian, result%jacobian)
          end if
       end subroutine find_all_rows
+
+      !> Computes all rows of the residuals and of the Jacobian at some parameters.
+      subroutine find_all_rows_at(parameters)
+         real(wp), intent(in) :: parameters(:)
+
+         deallocate (result%residual, result%jacobian)
+         allocate (result%residual(m), result%jacobian(m, size(parameters)))
+         if (rows < m) then
+            call search%smooth%jacobian(parameters, result%residual, result%jacobian, error)
+         else
+            call search%evaluate_at(parameters, result%residual, error)
+            if (.not. allocated(error)) result%jacobian = search%evaluated(search%here)%jacobian
+         end if
+      end subroutine find_all_rows_at
 
       !> Computes the Jacobian at the parameters of a search.
       subroutine find_jacobian()

@@ -37,6 +37,9 @@ module beamid_searches
       !> .true.: the end of a search counts even if it is not a minimum; for searches whose ends are
       !> compared and continued
       logical :: rough = .false.
+      !> whether residuals and Jacobian at the end are wanted in all rows; .false.: after a search
+      !> with condensed rows they have none, unless their derivatives are compared in all rows
+      logical :: all_rows = .true.
    end type options_t
 
    abstract interface

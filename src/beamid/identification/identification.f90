@@ -163,7 +163,7 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
       type(outcome_t), allocatable :: outcomes(:)
-      integer :: finished, k
+      integer :: finished, j, k
 
       ! The finest mesh takes longest and therefore starts first.
       allocate (outcomes(size(meshes)))
@@ -187,9 +187,27 @@ contains
       end do
       allocate (fits(size(stages), size(meshes)))
       do k = 1, size(meshes)
-         fits(:, k) = outcomes(k)%fits
+         do j = 1, size(stages)
+            call move_fit(outcomes(k)%fits(j), fits(j, k))
+         end do
       end do
    end subroutine identify_meshes_experiments
+
+   !> Moves a fit; the arrays of all rows are not copied, because they are large.
+   !>
+   !> from  on return without these arrays
+   subroutine move_fit(from, to)
+      type(stage_fit_t), intent(inout) :: from, to
+      real(wp), allocatable :: jacobian(:, :), residual(:), weighted(:)
+
+      call move_alloc(from%jacobian, jacobian)
+      call move_alloc(from%residual, residual)
+      call move_alloc(from%fit%residual, weighted)
+      to = from
+      call move_alloc(jacobian, to%jacobian)
+      call move_alloc(residual, to%residual)
+      call move_alloc(weighted, to%fit%residual)
+   end subroutine move_fit
 
    !> Runs `identify` on each mesh, for the samples of one record.
    !>

@@ -15,7 +15,7 @@ module beamid_noise_levels
    implicit none
    private
 
-   public :: fit_with_noise
+   public :: estimates_noise, fit_with_noise
 
    !> Relative change of the noise level below which the iteration has converged.
    real(wp), parameter :: settled = 1e-4_wp
@@ -68,8 +68,16 @@ contains
       end do
       if (k > most) call failure(error, 'the estimated noise of the records does not '// &
          'settle: it still changes by '//to_text(100*change)//' %; state it by sd in each &record')
-      found%J = sum(found%residual(:problem%samples())**2)
+      if (size(found%residual) > 0) found%J = sum(found%residual(:problem%samples())**2)
    end subroutine fit_with_noise
+
+   !> Returns whether a fit has to estimate noise.
+   pure logical function estimates_noise(problem)
+      type(residual_t), intent(in) :: problem
+
+      estimates_noise = problem%prior_rows() > 0 .or. (problem%is_weighted() .and. &
+         any(problem%is_estimated()))
+   end function estimates_noise
 
    !> Estimates the noise from a fit, and sets it unless it has converged.
    !>
@@ -98,8 +106,7 @@ contains
       change = 0
       n = size(found%estimate)
       m = problem%samples()
-      if (problem%prior_rows() == 0 .and. .not. (problem%is_weighted() .and. &
-         any(problem%is_estimated()))) return
+      if (.not. estimates_noise(problem)) return
       freedom = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
       if (.not. freedom > 0) return
       row = 0

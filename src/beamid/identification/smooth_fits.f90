@@ -11,7 +11,7 @@ module beamid_smooth_fits
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: match_lines, starts_along
-   use beamid_noise_levels, only: fit_with_noise
+   use beamid_noise_levels, only: estimates_noise, fit_with_noise
    use beamid_residuals, only: residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
    use beamid_statistics, only: misfit_of_records
@@ -74,7 +74,10 @@ contains
 
       allocate (trials(0))
       if (.not. any(is_coefficient(problem%free) .or. problem%free == of_x_D)) then
-         call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
+         ! If there are linear unknowns, their derivatives need all rows again (beamid_stages).
+         quick = options
+         quick%all_rows = estimates_noise(problem) .or. problem%linear_unknowns() == 0
+         call fit_with_noise(problem, variables, quick, found, error, monitor, label, names)
          return
       end if
       problem%strength = 0

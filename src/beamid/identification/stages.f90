@@ -126,7 +126,6 @@ contains
             q%scale = merge(abs(q%searched), moderate, abs(q%searched) > 1e-9_wp*moderate)
          end associate
       end do
-      found%residual = problem%without_weights(found%fit%residual)
       found%weight = problem%weight
       found%weighted = problem%is_weighted()
       found%noise = problem%noise
@@ -188,24 +187,35 @@ contains
    end subroutine judge_estimates
 
    !> Adds the linear unknowns to the quantities, and computes the derivatives with respect to all
-   !> quantities.
+   !> quantities, and the residuals if the search has not.
    subroutine add_linear(problem, found, error)
       type(residual_t), intent(inout) :: problem
       type(stage_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: c(:)
-      real(wp) :: r(problem%rows())
+      real(wp), allocatable :: c(:), r(:)
       integer :: first, i, k, n, modes(size(problem%parts))
 
       modes = problem%scenario%excitations%modes
       n = problem%linear_unknowns()
       if (n == 0) then
          found%jacobian = found%fit%jacobian
+         found%residual = problem%without_weights(found%fit%residual)
          return
       end if
-      allocate (c(n), found%jacobian(size(r), size(found%free) + n))
-      call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
+      deallocate (found%fit%jacobian)
+      allocate (c(n), found%fit%jacobian(0, size(found%free)))
+      allocate (found%jacobian(problem%rows(), size(found%free) + n))
+      if (size(found%fit%residual) > 0) then
+         allocate (r(problem%rows()))
+         call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
+      else
+         deallocate (found%fit%residual)
+         allocate (found%fit%residual(problem%rows()))
+         call problem%evaluate(found%fit%estimate, found%fit%residual, found%jacobian, error, c)
+         found%fit%J = sum(found%fit%residual(:problem%samples())**2)
+      end if
       if (allocated(error)) return
+      found%residual = problem%without_weights(found%fit%residual)
       n = 0
       first = 1
       do while (first <= size(modes))

@@ -80,6 +80,7 @@ contains
       variables = variables%from(found%fit%estimate)
       options%relative_error = model%solver%relative_error()
       options%check = .false.
+      options%all_rows = .false.
       call choose_kind(plan, found, experiments, bootstrap)
       finished = 0
       first_failed = plan%n + 1

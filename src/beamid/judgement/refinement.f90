@@ -101,8 +101,9 @@ contains
          if (.not. allocated(error)) then
             allocate (names(size(quantities)))
             names = quantities%name
-            call fit(problem, problem%rows(), variables, options_t(check=.false.), refined, error, &
-               monitor, 'finer mesh, N = '//to_text(finer%elements), names)
+            call fit(problem, problem%rows(), variables, options_t(check=.false., &
+               all_rows=.false.), refined, error, monitor, 'finer mesh, N = '// &
+               to_text(finer%elements), names)
          end if
          failed = allocated(error)
          if (failed) return

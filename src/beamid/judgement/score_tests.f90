@@ -173,21 +173,17 @@ contains
       integer, intent(in) :: parameter
       real(wp), allocatable, intent(out) :: d(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: r(problem%samples())
-      real(wp), allocatable :: c(:), jac(:, :), values(:)
-      integer :: n
+      real(wp) :: r(problem%samples()), jac(problem%samples(), 1)
+      real(wp), allocatable :: c(:)
 
-      n = size(fit%free)
       call set_free(problem, fit%again())
-      problem%free = [problem%free, parameter]
-      problem%record = [problem%record, 0]
-      values = [fit%fit%estimate, problem%scenario%structures(1)%get(parameter)]
+      problem%free = [parameter]
+      problem%record = [0]
       allocate (c(problem%linear_unknowns()))
-      allocate (jac(size(r), n + 1 + size(c)))
-      call problem%evaluate(values, r, jac, error, c)
+      call problem%evaluate([problem%scenario%structures(1)%get(parameter)], r, jac, error, c)
       if (allocated(error)) return
       allocate (d(size(fit%jacobian, 1)), source=0.0_wp)
-      d(:size(r)) = jac(:, n + 1)
+      d(:size(r)) = jac(:, 1)
    end subroutine differentiate
 
    !> Computes the score of a candidate, its p-value and one Gauss-Newton step.

@@ -174,8 +174,8 @@ contains
    !>
    !> first, last  numbers of the records that are channels of the motion
    !> active       numbers of the columns of the parameters
-   !> column       number of columns before those of the linear unknowns; -1: these have no
-   !>              columns, and adapt to the parameters
+   !> column       number of columns before those of the linear unknowns, which are left out if
+   !>              `jac` has no more columns; -1: these have no columns, and adapt to the parameters
    !> r, jac       (m) and (m, columns) residuals and derivatives
    !> c            (k) linear unknowns
    !> is_done      .false.: not possible; nothing has been computed
@@ -205,7 +205,8 @@ contains
       allocate (weights(size(expansion, 1), 1 + size(jac, 2)), source=0.0_wp)
       weights(:, 1) = expansion(:, 1)
       weights(:, 1 + active) = expansion(:, 2:)
-      if (column >= 0) weights(:, column + 2:column + 1 + size(c)) = linear%weights(:, :, 0)
+      if (column >= 0 .and. size(jac, 2) >= column + size(c)) &
+         weights(:, column + 2:column + 1 + size(c)) = linear%weights(:, :, 0)
       row = 0
       place = 0
       do i = first, last

@@ -57,6 +57,7 @@ module beamid_observed_data
       procedure :: kind => another_kind
       procedure :: description => describe_values
       procedure :: keep_beginning => keep_all
+      procedure :: keep_sample => keep_every_value
    end type observed_data_t
 
    abstract interface
@@ -210,5 +211,17 @@ contains
       class(observed_data_t), intent(inout) :: self
       real(wp), intent(in) :: share
    end subroutine keep_all
+
+   !> Keeps some values of a long record; data that are not a function of time stay as they are.
+   !>
+   !> most   number of values from which a record is long
+   !> taken  whether values were left out
+   pure subroutine keep_every_value(self, most, taken)
+      class(observed_data_t), intent(inout) :: self
+      integer, intent(in) :: most
+      logical, intent(out) :: taken
+
+      taken = .false.
+   end subroutine keep_every_value
 
 end module beamid_observed_data

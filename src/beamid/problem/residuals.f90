@@ -13,16 +13,24 @@ module beamid_residuals
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_motion_rows, only: motion_rows_t
+   use beamid_observed_data, only: observed_data_t
    use beamid_priors, only: priors_of
+   use beamid_problems, only: compare_derivatives
    use beamid_responses, only: is_exact
    use beamid_simulation, only: model_t
    use beamid_smoothing, only: difference_rows
    use beamid_structure, only: yielding
    use beamid_unknowns, only: scenario_t
+   use beamid_variables, only: variable_t
    implicit none
    private
 
    public :: residual_t, new_residuals
+
+   !> Largest number of samples of a record at which exact derivatives are all compared with
+   !> differences. Of a longer record, every k-th run of neighbours is compared, with the smallest k
+   !> that leaves about this number or less.
+   integer, parameter, public :: checked_samples = 8192
 
    !> The residuals of a fit as a function of its free parameters.
    !>
@@ -38,10 +46,16 @@ module beamid_residuals
       procedure :: condensed
       procedure :: evaluate
       procedure :: beginning
+      procedure :: check_sample
       procedure, private :: has_long_record
       procedure, private :: add_prior_rows
       procedure, private :: add_penalties
    end type residual_t
+
+   !> Data of an experiment that are kept while others stand in for them.
+   type :: kept_t
+      class(observed_data_t), allocatable :: observed
+   end type kept_t
 
 contains
 
@@ -97,6 +111,45 @@ contains
       end do
    end function beginning
 
+   !> Compares the exact derivatives of some samples of long records with central differences: the
+   !> formulas are the same for all samples. Arguments as of `smooth_problem_t`.
+   subroutine check_sample(self, parameters, variables, worst, mistaken, is_done)
+      class(residual_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), allocatable, intent(out) :: worst
+      integer, intent(out) :: mistaken
+      logical, intent(out) :: is_done
+      type(kept_t) :: kept(size(self%parts))
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: r(:), jac(:, :)
+      logical :: taken(size(self%parts))
+      integer :: i
+
+      mistaken = 0
+      is_done = any([(size(self%parts(i)%observed%measured) > checked_samples, &
+         i=1, size(self%parts))])
+      if (.not. is_done) return
+      ! The data are exchanged, so that the solvers continue from the same points as if all
+      ! residuals were compared.
+      do i = 1, size(kept)
+         call move_alloc(self%parts(i)%observed, kept(i)%observed)
+         allocate (self%parts(i)%observed, source=kept(i)%observed)
+         call self%parts(i)%observed%keep_sample(checked_samples, taken(i))
+      end do
+      is_done = any(taken)
+      if (is_done) then
+         allocate (r(self%rows()), jac(self%rows(), size(parameters)))
+         call self%jacobian(parameters, r, jac, error)
+         is_done = .not. allocated(error)
+         if (is_done) call compare_derivatives(self, parameters, variables, jac, worst, mistaken)
+      end if
+      do i = 1, size(kept)
+         deallocate (self%parts(i)%observed)
+         call move_alloc(kept(i)%observed, self%parts(i)%observed)
+      end do
+   end subroutine check_sample
+
    !> Computes the residuals (rows) at trial values of the parameters (n).
    subroutine residuals(self, parameters, r, error)
       class(residual_t), intent(inout) :: self
@@ -128,8 +181,9 @@ contains
    !>               linear unknowns being eliminated. (size(r), n + k): derivatives with respect to
    !>               all unknowns, first the parameters, then the k linear unknowns, each with all
    !>               others fixed
-   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. For each motion they
-   !>               are cosine and sine of each mode, then the offset of each channel
+   !> coefficients  (k) linear unknowns; required if `jac` has n + k columns. With n columns,
+   !>               they are fixed in the derivatives. For each motion they are cosine and sine of
+   !>               each mode, then the offset of each channel
    !> error         interrupted by the user; the model cannot be computed; the samples cannot tell
    !>               the linear unknowns apart
    subroutine evaluate(self, parameters, r, jac, error, coefficients)
@@ -170,7 +224,7 @@ contains
                   present(coefficients), y, dy, phi, c, error)
                if (allocated(error)) return
                block(:, active) = dy
-               if (present(coefficients) .and. size(c) > 0) &
+               if (present(coefficients) .and. size(c) > 0 .and. size(jac, 2) > n) &
                   block(:, column + 1:column + size(c)) = phi
             end if
             if (allocated(error)) return

@@ -37,6 +37,7 @@ module beamid_time_records
       procedure :: times => record_times
       procedure :: kind
       procedure :: keep_beginning
+      procedure :: keep_sample
       procedure, private :: find_modes, free_motion
    end type time_record_t
 
@@ -72,6 +73,28 @@ contains
       self%measured = self%measured(:m)
       self%sampling = new_sampling(self%sampling%observation, t(:m))
    end subroutine keep_beginning
+
+   !> Keeps some samples of a long record: runs of neighbours, in equal distances over the whole
+   !> record, so that neither its length nor its highest frequency is lost. Arguments as of
+   !> `observed_data_t`.
+   pure subroutine keep_sample(self, most, taken)
+      class(time_record_t), intent(inout) :: self
+      integer, intent(in) :: most
+      logical, intent(out) :: taken
+      integer, parameter :: run = 32
+      real(wp), allocatable :: t(:)
+      integer :: first, k, stride
+
+      taken = size(self%measured) > most
+      if (.not. taken) return
+      stride = run*(1 + (size(self%measured) - 1)/most)
+      associate (rows => [((k, k=first, min(first + run - 1, size(self%measured))), &
+         first=1, size(self%measured), stride)])
+         t = self%sampling%sample_times(rows)
+         self%measured = self%measured(rows)
+      end associate
+      self%sampling = new_sampling(self%sampling%observation, t)
+   end subroutine keep_sample
 
    !> Computes the accelerations of the model minus the record, their derivatives and their linear
    !> unknowns. Arguments as of `observed_data_t`; the first linear unknowns are cosine and sine of

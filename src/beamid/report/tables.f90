@@ -2,14 +2,16 @@
 !> header line, numbers to full precision.
 module beamid_tables
    use beamid_experiments, only: experiment_t
+   use beamid_fit_curves, only: fit_header, new_fit_curves
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, limit
    use beamid_multistart, only: minimum_t
    use beamid_outputs, only: output_t
+   use beamid_row_tables, only: row_table_t
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: full, full_length, put_full, to_text
+   use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
    implicit none
@@ -35,13 +37,13 @@ contains
       type(units_t), intent(in) :: units
       type(stage_fit_t), intent(in) :: fits(:, :)
       type(experiment_t), intent(in) :: experiments(:)
-      type(text_t) :: estimates, curves, correlations, autocorrelation
+      type(text_t) :: estimates, correlations, autocorrelation
+      class(row_table_t), allocatable :: curves
       integer :: j, k, mesh, stage
 
       call estimates%line('stage,elements,parameter,unit,start,estimate,std_error,lower95,'// &
          'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected,'// &
          'mesh_shift,from_held,total_lower95,total_upper95')
-      call curves%line('elements,t,measured,model,residual,record,model_sd')
       call correlations%line('stage,elements,parameter,other,correlation')
       call autocorrelation%line('elements,lag,autocorrelation,band95')
       do mesh = 1, size(fits, 2)
@@ -59,7 +61,6 @@ contains
             end associate
          end do
          associate (fit => fits(size(fits, 1), mesh))
-            call add_fit(curves, fit, experiments)
             do k = 1, size(fit%check%autocorrelation)
                call autocorrelation%line(csv_row(to_text(fit%elements)//','//to_text(k), &
                   [fit%check%autocorrelation(k), fit%check%band]))
@@ -67,7 +68,8 @@ contains
          end associate
       end do
       call output%add('estimates.csv', estimates%content())
-      call output%add('fit.csv', curves%content())
+      call new_fit_curves(fits(size(fits, 1), :), experiments, curves)
+      call output%add_table('fit.csv', fit_header//new_line('a'), curves)
       call output%add('correlations.csv', correlations%content())
       call output%add('autocorrelation.csv', autocorrelation%content())
       call output%add('labels.csv', labels_table(units))
@@ -143,86 +145,6 @@ contains
          fields = fields//','//limit(ends(1))//','//limit(ends(2))
       end associate
    end function error_sources
-
-   !> Adds the rows of fit.csv. The residual is measured - model, as in the paper. model_sd is the
-   !> standard deviation of the model's curve due to the errors of the estimates; it is empty if a
-   !> parameter is not determined.
-   subroutine add_fit(text, fit, experiments)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      type(experiment_t), intent(in) :: experiments(:)
-      real(wp), allocatable :: covariance(:, :)
-      character(len=:), allocatable :: elements, record
-      character(len=7*full_length) :: row
-      real(wp) :: gradient(size(fit%jacobian, 2))
-      integer :: i, k, first, length
-
-      call get_covariance()
-      elements = to_text(fit%elements)
-      first = 0
-      do i = 1, size(experiments)
-         associate (t => experiments(i)%samples, z => experiments(i)%measured)
-            record = ','//to_text(i)//','
-            do k = 1, size(t)
-               length = 0
-               call put(elements)
-               associate (r => fit%residual(first + k))
-                  call put_number(t(k))
-                  call put_number(z(k))
-                  call put_number(z(k) + r)
-                  call put_number(-r)
-               end associate
-               call put(record)
-               if (size(covariance) > 0) then
-                  gradient = fit%jacobian(first + k, :)
-                  length = length - 1
-                  call put_number(sqrt(max(0.0_wp, dot_product(gradient, matmul(covariance, &
-                     gradient))))/fit%weight(i))
-               end if
-               call text%line(row(:length))
-            end do
-            first = first + size(t)
-         end associate
-      end do
-
-   contains
-
-      !> Appends a text to the row.
-      subroutine put(part)
-         character(len=*), intent(in) :: part
-
-         row(length + 1:length + len(part)) = part
-         length = length + len(part)
-      end subroutine put
-
-      !> Appends a comma and a number to the row.
-      subroutine put_number(value)
-         real(wp), intent(in) :: value
-         integer :: digits
-
-         row(length + 1:length + 1) = ','
-         call put_full(value, row(length + 2:length + 1 + full_length), digits)
-         length = length + 1 + digits
-      end subroutine put_number
-
-      !> Computes the covariance of the estimates, corrected for the autocorrelation of the noise;
-      !> size 0 if it is not known.
-      subroutine get_covariance()
-         integer :: j
-
-         associate (s => fit%statistics)
-            allocate (covariance(0, 0))
-            if (s%samples == 0) return
-            if (.not. all(s%corrected_error < unlimited .and. s%std_error > 0)) return
-            covariance = s%covariance
-            do j = 1, size(s%std_error)
-               covariance(:, j) = covariance(:, j)*s%corrected_error/s%std_error &
-                  *s%corrected_error(j)/s%std_error(j)
-            end do
-         end associate
-      end subroutine get_covariance
-
-   end subroutine add_fit
 
    !> Returns the table response.csv.
    !>

@@ -13,7 +13,8 @@ module beamid_start_choices
    use beamid_parameters, only: as_named
    use beamid_residuals, only: residual_t
    use beamid_strings, only: to_text
-   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, object, trial_t, try_start
+   use beamid_trials, only: add_residual, gain_of_mode, is_multiple, least_gain, object, trial_t, &
+      try_start
    use beamid_unknowns, only: quantity_t, stage_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
@@ -240,12 +241,21 @@ contains
       call set_free(smaller, fewer%stage)
       call new_choice(smaller, full%stage%without(undetermined), needed - 1, fewer, error)
       if (.not. allocated(error)) call choose(smaller, fewer, lines, needed - 1, options, error)
+      if (size(fewer%trials) > 0) call add_residual(smaller, fewer%trials(lowest(fewer)), error)
    end subroutine choose_with_fewer
+
+   !> Returns the index of the trial with the lowest J, whether or not there is an objection to it.
+   pure integer function lowest(choice)
+      type(choice_t), intent(in) :: choice
+      integer :: k
+
+      lowest = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
+   end function lowest
 
    !> Objects to trials in which the last needed mode is not real: it hardly reduces J beside the
    !> best fit without it, or it sits on a multiple of another line.
    subroutine compare(problem, full, fewer, lines, needed)
-      type(residual_t), intent(in) :: problem
+      type(residual_t), intent(inout) :: problem
       type(choice_t), intent(inout) :: full
       type(choice_t), intent(in) :: fewer
       type(lines_t), intent(in) :: lines(:)
@@ -253,13 +263,20 @@ contains
       real(wp) :: gain(size(lines))
       real(wp), allocatable :: t(:)
       logical :: multiple(size(lines))
+      type(error_t), allocatable :: error
       integer :: k, best, r
 
       if (size(fewer%trials) == 0) return
-      best = minloc([(fewer%trials(k)%fit%J, k=1, size(fewer%trials))], dim=1)
+      best = lowest(fewer)
+      if (size(fewer%trials(best)%fit%residual) == 0) return
       do k = 1, size(full%trials)
          associate (trial => full%trials(k))
             if (trial%objection /= '') cycle
+            call add_residual(problem, trial, error)
+            if (allocated(error)) then
+               trial%objection = error%message
+               cycle
+            end if
             do r = 1, size(lines)
                gain(r) = gain_of_mode(problem, trial, needed, r, fewer%trials(best)%fit%residual)
                t = problem%parts(r)%observed%times()

@@ -12,8 +12,8 @@ module beamid_trials
    implicit none
    private
 
-   public :: trial_t, accepted_range, try_start, object, is_multiple, resting, inseparable, &
-      gain_of_mode
+   public :: trial_t, accepted_range, add_residual, try_start, object, is_multiple, resting, &
+      inseparable, gain_of_mode
 
    !> A fit from one start.
    type :: trial_t
@@ -62,6 +62,7 @@ contains
       if (allocated(error)) return
       quick = options
       quick%check = .false.
+      quick%all_rows = .false.
       quick%max_evaluations = 100
       call fit(problem, problem%rows(), variables, quick, trial%fit, error)
       if (allocated(error)) return
@@ -77,8 +78,26 @@ contains
       end associate
    end subroutine try_start
 
+   !> Computes the residuals of a trial if its search has not.
+   !>
+   !> problem  the fit that the trial has run
+   !> trial    on return with as many residuals as the fit has rows, or with none after an error
+   !> error    the model cannot be computed
+   subroutine add_residual(problem, trial, error)
+      type(residual_t), intent(inout) :: problem
+      type(trial_t), intent(inout) :: trial
+      type(error_t), allocatable, intent(out) :: error
+
+      if (size(trial%fit%residual) == problem%rows()) return
+      deallocate (trial%fit%residual)
+      allocate (trial%fit%residual(problem%rows()))
+      call problem%residuals(trial%fit%estimate, trial%fit%residual, error)
+      if (allocated(error)) trial%fit%residual = [real(wp) ::]
+   end subroutine add_residual
+
    !> Returns the gain of mode k in record r, compared with a fit without this mode.
    !>
+   !> trial    with its residuals
    !> without  (m) residuals of the fit without the mode
    function gain_of_mode(problem, trial, k, r, without) result(gain)
       type(residual_t), intent(in) :: problem

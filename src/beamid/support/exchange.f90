@@ -14,16 +14,19 @@
 !> the folder, are not touched; nor are any if the file system has no locks.
 module beamid_exchange
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char, c_ptr
+   use, intrinsic :: iso_fortran_env, only: int32
    use beamid_errors, only: error_t
    use beamid_files, only: read_text, write_new
    use beamid_folders, only: list_folder, lock_folder, make_folder, open_folder, remove_folder, &
       sync_folder
    use beamid_interrupts, only: hold_signals, release_signals
+   use beamid_kinds, only: ip
    use beamid_manifests, only: command_in, compare, entries_in, entry_length, &
-      entry_of, entry_of_file, manifest_header, manifest_name, name_in
+      entry_of, entry_of_file, manifest_header, manifest_name, name_in, new_entry
    use beamid_paths, only: join_path
    use beamid_posix, only: c_closedir, c_getpid, c_link, c_rename, eio, eisdir, &
       errno_of, host_name, kind_directory, kind_there, max_name
+   use beamid_row_tables, only: row_table_t, write_table
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
    implicit none
@@ -34,6 +37,8 @@ module beamid_exchange
    !> A new file: its name, and its text or a path to it.
    type :: named_text_t
       character(len=:), allocatable :: name, text
+      !> Table whose rows follow the text. Not allocated: none.
+      class(row_table_t), allocatable :: table
       !> Path of a file with the text, in the same file system; it is moved. Not allocated: `text`
       !> holds the text.
       character(len=:), allocatable :: path
@@ -146,6 +151,8 @@ contains
       type(named_text_t), intent(in) :: files(:)
       type(text_t) :: manifest
       character(len=:), allocatable :: entry
+      integer(ip) :: bytes
+      integer(int32) :: checksum
       integer :: i
 
       call manifest%line(manifest_header)
@@ -154,6 +161,10 @@ contains
             code = renamed(files(i)%path, temporary//new//files(i)%name)
             if (code == 0) call entry_of_file(temporary//new//files(i)%name, files(i)%name, &
                command, entry, code)
+         else if (allocated(files(i)%table)) then
+            call write_table(temporary//new//files(i)%name, files(i)%text, files(i)%table, bytes, &
+               checksum, code)
+            entry = new_entry(files(i)%name, bytes, checksum, command)
          else
             code = write_new(temporary//new//files(i)%name, files(i)%text)
             entry = entry_of(files(i)%name, files(i)%text, command)

@@ -95,26 +95,49 @@ contains
       crc64 = crc(text, before, polynomial_64, all_64)
    end function crc64
 
-   !> Returns the reflected CRC of a text for any polynomial of up to 64 bits.
+   !> Returns the reflected CRC of a text for any polynomial of up to 64 bits. Eight bytes are taken
+   !> at once, with a table for each of their places, if the text is long enough for these tables.
    !>
    !> before  checksum of the preceding bytes
    !> ones    checksum with all bits set
    pure integer(int64) function crc(text, before, polynomial, ones)
       character(len=*), intent(in) :: text
       integer(int64), intent(in) :: before, polynomial, ones
-      integer(int64) :: remainder(0:255)   !< remainders of single bytes
-      integer(ip) :: at
+      integer(int64), parameter :: low = 255
+      integer(ip), parameter :: long = 8192
+      integer(int64) :: remainder(0:255, 0:7)   !< of single bytes, with as many zero bytes behind
+      integer(int64) :: bits
+      integer(ip) :: at, eights
       integer :: k
 
-      remainder = [(k, k=0, 255)]
+      remainder(:, 0) = [(k, k=0, 255)]
       do k = 1, 8
-         remainder = merge(ieor(shiftr(remainder, 1), polynomial), shiftr(remainder, 1), &
-            btest(remainder, 0))
+         remainder(:, 0) = merge(ieor(shiftr(remainder(:, 0), 1), polynomial), &
+            shiftr(remainder(:, 0), 1), btest(remainder(:, 0), 0))
       end do
       crc = ieor(before, ones)
-      do at = 1, len(text, ip)
-         crc = ieor(shiftr(crc, 8), remainder(iand(ieor(crc, iachar(text(at:at), int64)), &
-            255_int64)))
+      eights = 0
+      if (len(text, ip) >= long) then
+         do k = 1, 7
+            remainder(:, k) = ieor(shiftr(remainder(:, k - 1), 8), &
+               remainder(iand(remainder(:, k - 1), low), 0))
+         end do
+         eights = len(text, ip)/8
+      end if
+      do at = 1, 8*eights, 8
+         ! The first byte is the lowest, as processors store it on which this program runs.
+         bits = ieor(crc, transfer(text(at:at + 7), bits))
+         crc = ieor(ieor(ieor(remainder(iand(bits, low), 7), &
+            remainder(iand(shiftr(bits, 8), low), 6)), &
+            ieor(remainder(iand(shiftr(bits, 16), low), 5), &
+            remainder(iand(shiftr(bits, 24), low), 4))), &
+            ieor(ieor(remainder(iand(shiftr(bits, 32), low), 3), &
+            remainder(iand(shiftr(bits, 40), low), 2)), &
+            ieor(remainder(iand(shiftr(bits, 48), low), 1), &
+            remainder(shiftr(bits, 56), 0))))
+      end do
+      do at = 8*eights + 1, len(text, ip)
+         crc = ieor(shiftr(crc, 8), remainder(iand(ieor(crc, iachar(text(at:at), int64)), low), 0))
       end do
       crc = ieor(crc, ones)
    end function crc

@@ -18,7 +18,8 @@ module beamid_manifests
    implicit none
    private
 
-   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, read_listed
+   public :: new_entry, entry_of, entry_of_file, entries_in, name_in, command_in, compare, &
+      read_listed
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
    character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
@@ -35,7 +36,7 @@ contains
       character(len=*), intent(in) :: name, text, command
       character(len=:), allocatable :: entry
 
-      entry = line(name, len(text, ip), crc32(text, 0_int32), command)
+      entry = new_entry(name, len(text, ip), crc32(text, 0_int32), command)
    end function entry_of
 
    !> Computes the line of a file that may be too large to be held in memory.
@@ -59,7 +60,7 @@ contains
          return
       end if
       call read_checksum(stream, checksum, code)
-      entry = line(name, bytes, checksum, command)
+      entry = new_entry(name, bytes, checksum, command)
       ignored = c_fclose(stream)
    end subroutine entry_of_file
 
@@ -175,14 +176,17 @@ contains
    end subroutine read_checksum
 
    !> Returns a line of the manifest.
-   pure function line(name, bytes, checksum, command)
+   !>
+   !> bytes     length of the file
+   !> checksum  CRC-32 of the file
+   pure function new_entry(name, bytes, checksum, command) result(entry)
       character(len=*), intent(in) :: name, command
       integer(ip), intent(in) :: bytes
       integer(int32), intent(in) :: checksum
-      character(len=:), allocatable :: line
+      character(len=:), allocatable :: entry
 
-      line = name//' '//to_text(bytes)//' '//hexadecimal(checksum)//' '//command
-   end function line
+      entry = name//' '//to_text(bytes)//' '//hexadecimal(checksum)//' '//command
+   end function new_entry
 
    !> Returns a checksum as eight hexadecimal digits.
    pure function hexadecimal(checksum) result(digits)

@@ -10,6 +10,7 @@ module beamid_outputs
    use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
    use beamid_paths, only: join_path
    use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason, same_file
+   use beamid_row_tables, only: row_table_t, table_text
    use beamid_strings, only: append_string, string_t
    implicit none
    private
@@ -25,6 +26,7 @@ module beamid_outputs
    contains
       procedure :: add
       procedure :: add_file
+      procedure :: add_table
       procedure :: names
       procedure :: text_of
       procedure :: spare
@@ -44,7 +46,7 @@ contains
       character(len=*), intent(in) :: name, text
       logical, intent(in), optional :: is_quoted
       type(named_text_t), allocatable :: more(:)
-      integer :: i
+      integer :: i, k
 
       if (.not. allocated(self%files)) allocate (self%files(0))
       do i = 1, size(self%files)
@@ -52,13 +54,37 @@ contains
       end do
       if (i > size(self%files)) then
          allocate (more(i))
-         more(:i - 1) = self%files
+         do k = 1, i - 1
+            ! The parts are moved, because copies of long texts take time and memory.
+            call move_alloc(self%files(k)%name, more(k)%name)
+            call move_alloc(self%files(k)%text, more(k)%text)
+            call move_alloc(self%files(k)%table, more(k)%table)
+            call move_alloc(self%files(k)%path, more(k)%path)
+            more(k)%is_quoted = self%files(k)%is_quoted
+         end do
          more(i)%name = name
          call move_alloc(more, self%files)
       end if
       self%files(i)%text = text
+      if (allocated(self%files(i)%table)) deallocate (self%files(i)%table)
       if (present(is_quoted)) self%files(i)%is_quoted = is_quoted
    end subroutine add
+
+   !> Adds a file whose rows are written as text only while the file is written.
+   !>
+   !> header  text before the first row
+   !> table   the rows; not allocated on return
+   subroutine add_table(self, name, header, table)
+      class(output_t), intent(inout) :: self
+      character(len=*), intent(in) :: name, header
+      class(row_table_t), allocatable, intent(inout) :: table
+      integer :: i
+
+      call self%add(name, header)
+      do i = 1, size(self%files)
+         if (self%files(i)%name == name) call move_alloc(table, self%files(i)%table)
+      end do
+   end subroutine add_table
 
    !> Adds a file that may be too large to be held in memory.
    !>
@@ -94,7 +120,9 @@ contains
       text = ''
       if (.not. allocated(self%files)) return
       do i = 1, size(self%files)
-         if (self%files(i)%name == name) text = self%files(i)%text
+         if (self%files(i)%name /= name) cycle
+         text = self%files(i)%text
+         if (allocated(self%files(i)%table)) text = table_text(text, self%files(i)%table)
       end do
    end function text_of
 
@@ -139,16 +167,18 @@ contains
       character(len=*), parameter :: forms(4) = [character(len=9) :: 'Infinity', '+Infinity', &
                                                  '-Infinity', 'NaN']
       integer :: i, k
+      logical :: is_finite
 
       if (.not. allocated(self%files)) return
       do i = 1, size(self%files)
          if (self%files(i)%is_quoted) cycle
-         do k = 1, size(forms)
-            if (.not. has_field(self%files(i)%text, trim(forms(k)))) cycle
-            call failure(error, self%files(i)%name//' would hold a number that is not finite: '// &
-               'the values of the case are out of proportion to each other, or to the record')
-            return
-         end do
+         is_finite = .not. any([(has_field(self%files(i)%text, trim(forms(k))), k=1, size(forms))])
+         if (is_finite .and. allocated(self%files(i)%table)) &
+            is_finite = self%files(i)%table%is_finite()
+         if (is_finite) cycle
+         call failure(error, self%files(i)%name//' would hold a number that is not finite: '// &
+            'the values of the case are out of proportion to each other, or to the record')
+         return
       end do
    end subroutine check_finite
 

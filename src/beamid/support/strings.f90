@@ -161,8 +161,12 @@ contains
       real(wp), intent(in) :: value
       character(len=full_length), intent(out) :: text
       integer, intent(out) :: length
+      integer(ip), parameter :: ten_8 = 10_ip**8, ten_16 = 10_ip**16
+      integer :: i
+      character(len=2), parameter :: two_digits(0:99) = [(achar(iachar('0') + i/10)// &
+         achar(iachar('0') + mod(i, 10)), i=0, 99)]
       integer(ip) :: number
-      integer :: exponent, k
+      integer :: at, eight(2), exponent, first, k
 
       call split_decimal(abs(value), number, exponent)
       if (number == 0) then
@@ -173,11 +177,18 @@ contains
       end if
       length = merge(24, 23, value < 0)
       if (value < 0) text(1:1) = '-'
-      do k = length - 5, length - 20, -1
-         text(k:k) = achar(iachar('0') + int(mod(number, 10_ip)))
-         number = number/10
+      first = int(number/ten_16)
+      number = number - first*ten_16
+      ! The divisions of short integers are faster.
+      eight(1) = int(number/ten_8)
+      eight(2) = int(mod(number, ten_8))
+      do k = 2, 1, -1
+         do at = length - 22 + 8*k, length - 28 + 8*k, -2
+            text(at:at + 1) = two_digits(mod(eight(k), 100))
+            eight(k) = eight(k)/100
+         end do
       end do
-      text(length - 22:length - 21) = achar(iachar('0') + int(number))//'.'
+      text(length - 22:length - 21) = achar(iachar('0') + first)//'.'
       text(length - 4:length - 3) = merge('E-', 'E+', exponent < 0)
       exponent = abs(exponent)
       text(length - 2:length) = achar(iachar('0') + exponent/100)//achar(iachar('0') &

@@ -14,6 +14,7 @@ module beamid_case_fits
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
+   use beamid_memory, only: return_memory
    use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_records, only: note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
@@ -62,6 +63,7 @@ contains
       if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_responses(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call scored_samples(case, found%scored, found%expected, error)
+      call return_memory_of(found)
    end subroutine load_case
 
    !> Fits all stages of a case.
@@ -87,7 +89,17 @@ contains
          found%expected, found%fits, error)
       call locate(error, case%path)
       call check_interrupt(error)
+      call return_memory_of(found)
    end subroutine fit_case
+
+   !> Returns the memory of arrays that loading or fitting long records has left.
+   subroutine return_memory_of(found)
+      type(case_fit_t), intent(in) :: found
+      integer :: k
+
+      if (.not. allocated(found%experiments)) return
+      call return_memory(sum([(size(found%experiments(k)%measured), k=1, size(found%experiments))]))
+   end subroutine return_memory_of
 
    !> Fits experiments with the stages of a case, from one start or from several, on the given
    !> meshes or on one that is refined automatically.
