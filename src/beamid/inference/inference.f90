@@ -179,13 +179,14 @@ contains
       call new_posterior(problem, variables, found%fit%residual, found%jacobian, plan%coloured, &
          density)
       posterior%order = density%order
+      limit = widest*max(abs(found%fit%estimate), variables%magnitude)
+      k = findloc(shares_beyond(density, variables, found%fit%estimate, limit) > clear, .true., &
+         dim=1)
+      if (k > 0) then
+         call refuse_open(k)
+         return
+      end if
       do k = 1, size(variables)
-         limit(k) = widest*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
-         if (max(share_beyond(density, variables, found%fit%estimate, k, limit(k)), &
-            share_beyond(density, variables, found%fit%estimate, k, -limit(k))) > clear) then
-            call refuse_open(k)
-            return
-         end if
          if (variables(k)%upper <= limit(k) .and. variables(k)%lower >= -limit(k)) &
             limit(k) = 2*max(abs(variables(k)%upper), abs(variables(k)%lower))
          variables(k)%upper = min(variables(k)%upper, limit(k))
@@ -225,6 +226,36 @@ contains
 
    end subroutine sample_fit
 
+   !> Returns, for each parameter (n), the larger of its shares beyond both artificial ends.
+   !>
+   !> Arguments as of `share_beyond`, but `limit` (n) is above 0.
+   function shares_beyond(density, variables, estimate, limit) result(shares)
+      type(posterior_t), intent(in) :: density
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: estimate(:), limit(:)
+      real(wp) :: shares(size(estimate)), of_side(2, size(estimate))
+      integer :: task
+
+      of_side = 0
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do task = 1, size(of_side)
+         if (interrupted()) cycle
+         call find_share((task + 1)/2, 2 - modulo(task, 2))
+      end do
+      !$omp end parallel do
+      shares = maxval(of_side, dim=1)
+
+   contains
+
+      !> Finds the share of parameter k at its lower (1) or its upper (2) end.
+      subroutine find_share(k, side)
+         integer, intent(in) :: k, side
+
+         of_side(side, k) = share_beyond(density, variables, estimate, k, (2*side - 3)*limit(k))
+      end subroutine find_share
+
+   end function shares_beyond
+
    !> Returns roughly the share of a posterior in the outer half of the range from 0 to the
    !> artificial end of an unbounded parameter: its density there, with all other parameters at
    !> their most probable values, times their volume by the curvature (Laplace's approximation),
@@ -234,19 +265,21 @@ contains
    !> k         index of the parameter
    !> limit     artificial end of its range, of either sign
    real(wp) function share_beyond(density, variables, estimate, k, limit) result(share)
-      type(posterior_t), intent(inout) :: density
+      type(posterior_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), limit
       integer, intent(in) :: k
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      type(posterior_t), allocatable :: mine
       real(wp) :: q(size(estimate)), volume_here, volume_there
       type(error_t), allocatable :: error
       integer :: i
 
       share = 0
       if (variables(k)%upper < limit .or. variables(k)%lower > limit) return
+      allocate (mine, source=density)
       q = estimate
-      call minimise_at(density%problem, density%problem%rows(), variables, k, 0.75_wp*limit, q, &
+      call minimise_at(mine%problem, mine%problem%rows(), variables, k, 0.75_wp*limit, q, &
          error)
       if (allocated(error)) return
       volume_here = log_volume(estimate, [(i, i=1, size(q))])
@@ -266,7 +299,7 @@ contains
          real(wp) :: gradient(size(q)), H(size(q), size(q)), part(size(over), size(over))
          integer :: info, j
 
-         call density%evaluate(q, volume, gradient, H)
+         call mine%evaluate(q, volume, gradient, H)
          if (.not. volume > impossible) return
          part = H(over, over)
          call add_diagonal(part, [(1/(widest*max(abs(estimate(over(j))), &
