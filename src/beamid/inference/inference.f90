@@ -11,6 +11,7 @@ module beamid_inference
    use beamid_lapack, only: dpotrf
    use beamid_least_squares, only: monitor_t
    use beamid_matrices, only: add_diagonal
+   use beamid_motion_rows, only: basis_t
    use beamid_posteriors, only: new_posterior, posterior_t
    use beamid_profile_likelihood, only: follow_profile, is_open, minimise_at, side_t
    use beamid_residuals, only: new_residuals, residual_t
@@ -166,10 +167,12 @@ contains
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
       type(posterior_t) :: density
+      type(basis_t), allocatable :: bases(:)
       real(wp) :: limit(size(found%free))
-      integer :: k
+      integer :: k, n
 
-      do k = 1, size(found%free)
+      n = size(found%free)
+      do k = 1, n
          if (all(sides(:, k)%state /= is_open)) cycle
          call refuse_open(k)
          return
@@ -186,6 +189,7 @@ contains
          call refuse_open(k)
          return
       end if
+      call density%problem%localize(found%fit%estimate, found%statistics%covariance(:n, :n), bases)
       do k = 1, size(variables)
          if (variables(k)%upper <= limit(k) .and. variables(k)%lower >= -limit(k)) &
             limit(k) = 2*max(abs(variables(k)%upper), abs(variables(k)%lower))
