@@ -251,13 +251,13 @@ contains
          if (rows < m) residual(1) = norm2(result%residual)
       end subroutine find_residual
 
-      !> Computes all rows of the residuals and of the Jacobian at the estimate.
+      !> Computes all rows of the residuals and of the Jacobian at the estimate, if wanted.
       subroutine find_all_rows()
-         if (rows < m) then
-            call search%smooth%jacobian(result%estimate, result%residual, result%jacobian, error)
-         else
+         if (rows == m) then
             result%residual = residual
             result%jacobian = jacobian
+         else if (.not. options%only_estimate) then
+            call search%smooth%jacobian(result%estimate, result%residual, result%jacobian, error)
          end if
       end subroutine find_all_rows
 

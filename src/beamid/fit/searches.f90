@@ -37,6 +37,8 @@ module beamid_searches
       !> .true.: the end of a search counts even if it is not a minimum; for searches whose ends are
       !> compared and continued
       logical :: rough = .false.
+      !> .true.: if rows are condensed, the fit leaves all of them at the estimate undefined
+      logical :: only_estimate = .false.
    end type options_t
 
    abstract interface
