@@ -50,8 +50,8 @@ module beamid_bootstraps
       character(len=:), allocatable :: reason      !< why the first failed fit failed
    end type bootstrap_t
 
-   !> The negative response of a fit to a long free decay: its products with the orthonormal basis of
-   !> the rows near the estimate, and what is left of it. Without a basis, the record has none.
+   !> The negative response of a fit to a long free decay: its products with the orthonormal basis
+   !> of the rows near the estimate, and what is left of it. Not allocated: there is no basis.
    type :: fitted_record_t
       real(wp), allocatable :: basis(:, :)   !< (m, k)
       real(wp), allocatable :: along(:)      !< (k)

@@ -323,23 +323,43 @@ contains
    !> Computes the model's prediction [unit of the data] for the draws in `shown`; draws whose
    !> response cannot be computed are left out.
    subroutine predict(problem, posterior)
-      type(residual_t), intent(inout) :: problem
+      type(residual_t), intent(in) :: problem
       type(posterior_draws_t), intent(inout) :: posterior
-      real(wp) :: r(problem%rows())
-      real(wp), allocatable :: measured(:)
-      type(error_t), allocatable :: error
+      !> Number of draws that start from the same copy of the problem, for any number of threads.
+      integer, parameter :: block = 25
       logical :: computed(size(posterior%shown))
-      integer :: i, k
+      integer :: first, k
 
-      measured = [(problem%parts(i)%observed%measured, i=1, size(problem%parts))]
-      allocate (posterior%motion(size(measured), size(posterior%shown)))
-      do k = 1, size(posterior%shown)
-         call problem%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)
-         computed(k) = .not. allocated(error)
-         if (computed(k)) posterior%motion(:, k) = measured + problem%without_weights(r)
+      allocate (posterior%motion(problem%samples(), size(posterior%shown)))
+      computed = .false.
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do first = 1, size(computed), block
+         if (interrupted()) cycle
+         call predict_block(first, min(first + block - 1, size(computed)))
       end do
+      !$omp end parallel do
       posterior%shown = pack(posterior%shown, computed)
       posterior%motion = posterior%motion(:, pack([(k, k=1, size(computed))], computed))
+
+   contains
+
+      !> Computes the prediction for the shown draws `first` to `last`.
+      subroutine predict_block(first, last)
+         integer, intent(in) :: first, last
+         type(residual_t), allocatable :: mine
+         type(error_t), allocatable :: error
+         real(wp) :: r(problem%rows())
+         integer :: i, k
+
+         allocate (mine, source=problem)
+         do k = first, last
+            call mine%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)
+            computed(k) = .not. allocated(error)
+            if (computed(k)) posterior%motion(:, k) = [(mine%parts(i)%observed%measured, &
+               i=1, size(mine%parts))] + mine%without_weights(r)
+         end do
+      end subroutine predict_block
+
    end subroutine predict
 
 end module beamid_inference

@@ -8,7 +8,7 @@ module beamid_motion_rows
    use beamid_local_decays, only: local_decay_t
    use beamid_observed_data, only: seen_modes_t
    use beamid_projection, only: new_projection, projection_t
-   use beamid_responses, only: work_t
+   use beamid_responses, only: exact_solver_t, work_t
    use beamid_unknowns, only: scenario_t
    implicit none
    private
@@ -105,8 +105,8 @@ contains
       end do
    end subroutine whiten_channel
 
-   !> Decomposes the rows of long free decays once, for all parameters near given ones
-   !> (`beamid_local_decays`).
+   !> Prepares many evaluations near given parameters: the solvers start from there, and the rows of
+   !> long free decays are decomposed once (`beamid_local_decays`).
    !>
    !> parameters  (n)
    !> covariance  (n, n) of the parameters, which tells how far they are expected to vary
@@ -120,14 +120,20 @@ contains
       type(seen_modes_t) :: seen
       type(error_t), allocatable :: error
       integer, allocatable :: active(:)
-      real(wp) :: nothing(0), none(0, 0)
+      real(wp) :: nothing(0), none(0, 0), r(self%rows()), jac(size(r), size(parameters))
       integer :: i, k
 
       if (allocated(self%local)) deallocate (self%local)
       allocate (self%local(size(self%parts)), bases(size(self%parts)))
       if (.not. self%exact) return
+      call self%jacobian(parameters, r, jac, error)
+      if (allocated(error)) return
       scenario = self%with(parameters)
       do i = 1, size(self%parts)
+         select type (solver => self%parts(i)%solver)
+         class is (exact_solver_t)
+            call solver%stay_here()
+         end select
          if (self%last_channel(max(1, i - 1)) < i .or. i == 1) seen = seen_modes_t()
          active = pack([(k, k=1, size(parameters))], self%record == 0 .or. self%record == i)
          call self%parts(i)%observed%localize(self%parts(i)%meshed_model_t, &
