@@ -37,8 +37,9 @@ module beamid_local_decays
 
    !> Limits of the number of polynomials.
    integer, parameter :: least_terms = 3, most_terms = 16
-   !> First neglected coefficient of the series, and the size at which a motion has decayed.
-   real(wp), parameter :: negligible = 1e-16_wp, decayed = 1e-17_wp
+   !> First neglected coefficients of the series and of its derivative by a, and the size at which a
+   !> motion has decayed.
+   real(wp), parameter :: negligible(2) = [1e-16_wp, 1e-14_wp], decayed = 1e-17_wp
 
 contains
 
@@ -76,14 +77,15 @@ contains
       end do
    end function new_local_decay
 
-   !> Returns the largest |a| for which the first neglected coefficient, at most 2 (a/2)**n/n!, is
-   !> negligible.
+   !> Returns the largest |a| for which the first neglected coefficient, about 2 (a/2)**n/n!, and its
+   !> derivative are negligible.
    !>
    !> n  number of terms
    elemental real(wp) function radius_of(n)
       integer, intent(in) :: n
 
-      radius_of = 2*(negligible*gamma(n + 1.0_wp)/2)**(1.0_wp/n)
+      radius_of = 2*min((negligible(1)*gamma(n + 1.0_wp)/2)**(1.0_wp/n), &
+         (negligible(2)*gamma(real(n, wp)))**(1.0_wp/(n - 1)))
    end function radius_of
 
    !> Returns the number of columns.
