@@ -92,8 +92,8 @@ contains
    pure integer function columns(self)
       class(local_decay_t), intent(in) :: self
 
-      columns = 0
-      if (allocated(self%terms)) columns = 2*sum(self%terms) + merge(1, 0, abs(self%scale) > 0)
+      columns = merge(1, 0, abs(self%scale) > 0)
+      if (allocated(self%terms)) columns = columns + 2*sum(self%terms)
    end function columns
 
    !> Returns the columns (m, columns + 1) at the times, and behind them the negative record.
