@@ -77,8 +77,8 @@ contains
       end do
    end function new_local_decay
 
-   !> Returns the largest |a| for which the first neglected coefficient, about 2 (a/2)**n/n!, and its
-   !> derivative are negligible.
+   !> Returns the largest |a| for which the first neglected coefficient, about 2 (a/2)**n/n!, and
+   !> its derivative are negligible.
    !>
    !> n  number of terms
    elemental real(wp) function radius_of(n)
