@@ -8,6 +8,7 @@ Markdown. Parts, all of them by default:
   elements      the time of a fit of Table 4.1 against the number of elements
   samples       the time of one evaluation against the number of samples, and the memory
   posterior     effective samples a second of Table 4.1 with noise against emcee and NumPyro
+  resamples     resampled records and draws of a free decay against SciPy and emcee
   instructions  of a fit and of an evaluation, counted by valgrind's callgrind
 
 What is measured against is installed into build/peers, for this script alone.
@@ -46,7 +47,8 @@ PEERS = CHECKOUT / "build" / "peers"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
 RECORD = CHECKOUT / "data" / "table_4_1_record.csv"
 NOISY = CHECKOUT / "data" / "table_4_1_noisy.nml"
-PARTS = ("table", "decay", "response", "elements", "samples", "posterior", "instructions")
+PARTS = ("table", "decay", "response", "elements", "samples", "posterior", "resamples",
+         "instructions")
 NAMES = ("c_D", "m_H", "c_H", "k_H")    # free in Table 4.1
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
@@ -66,6 +68,7 @@ DECAY = """&beam       length=0.5, rho=0.27, E={}, width=0.05, height=0.002, c_D
 TRUTH, START = (6.8e10, 4e6, 0.08, 0.0045), (6.83e10, 5e6, 0.06, 0.0047)
 AMPLITUDES, OFFSET, NOISE, SECONDS = (20 + 5j, 4 - 3j), 0.4, 0.07, 5.0    # m/s^2, s
 SAMPLES, UNKNOWNS, LINEAR = 20000, 9, 5
+RESAMPLED, RECORDS, DRAWS = 3900, 1000, 10000    # samples, resampled records, draws of a posterior
 SIZES = (1000, 4000, SAMPLES, 100000, 300000, 10**6)
 # A frequency response of the same strip, struck at the sensor, which stands at a node of the peer.
 RESPONSE = """&beam       length=0.5, rho=0.27, E={}, width=0.05, height=0.002, c_D={}, gamma={} /
@@ -109,6 +112,10 @@ second are done once.
   (NUTS, a dense mass matrix, 1000 draws of warm-up and 4000 more) walk from the estimate, with JAX'
   expm, doubled, compiled beforehand. Effective samples: NumPyro's estimate for all, of the
   parameter that has the fewest; of beamid at most what its weights are worth.
+- Resamples: the free decay with fewer samples. beamid: the processes from start to files, with the
+  fit. SciPy: the fits of 20 records, times 50, each from the estimates of the record itself. emcee:
+  32 walkers that stretch over the same four parameters, amplitudes, offset and noise integrated
+  out, 300 steps without the first 100, for as many effective draws as beamid's.
 - QR: LAPACK's dgeqrf of samples x 9, the number of unknowns (or x 5, of the linear ones): Netlib's
   where Debian has it (liblapack3), and SciPy's OpenBLAS. The floor is Netlib's QR of samples x 9
   and two complex exponentials (NumPy) for each sample."""
@@ -668,6 +675,46 @@ def part_posterior(beamid, _, effort):
                      *(f"{mean:.4g}" for mean in means)])
     table(["Posterior of Table 4.1, N = 4, 2 % noise", "draws", "ms", "effective",
            "effective a second", "beamid's lead", *(f"mean {name}" for name in NAMES)], rows)
+
+
+def part_resamples(beamid, _, effort):
+    """Resampled records and posterior draws of a free decay: beamid, SciPy and emcee."""
+    case, t, y, roots = write_decay(beamid, RESAMPLED)
+    with open(case, "a") as file:
+        file.write(f"&bootstrap n={RECORDS} /\n&sample draws={DRAWS} /\n")
+    decay = peers.FreeDecay(t, y)
+    J, values = decay.fit([value for root in roots for value in (-root.real, root.imag)])
+    fitted = y + decay.evaluate(np.log(values))[0]
+    sd = math.sqrt(J / (RESAMPLED - UNKNOWNS))
+    names = (f"beamid bootstrap, {RECORDS} records", f"SciPy, variable projection, {RECORDS} fits",
+             f"beamid sample, {DRAWS} draws", "emcee, as many effective draws")
+
+    def by_scipy(seed, fits=20):
+        rng = np.random.default_rng(seed)
+        begin = time.process_time()
+        for _ in range(fits):
+            peers.FreeDecay(t, fitted + sd * rng.standard_normal(RESAMPLED)).fit(values)
+        return (time.process_time() - begin) * RECORDS / fits
+
+    def by_emcee(seed):
+        begin = time.process_time()
+        draws = decay.by_emcee(np.log(values), 300, 100, seed)
+        seconds = time.process_time() - begin
+        return seconds * DRAWS / float(min(peers.effective(draws)))
+
+    methods = {names[0]: lambda _: beamid.run("bootstrap", case), names[1]: by_scipy,
+               names[2]: lambda _: beamid.run("sample", case)}
+    if peers.jax and peers.emcee:
+        methods[names[3]] = by_emcee
+    rounds = min(effort.rounds, 3)
+    tell(f"resamples, {', '.join(methods)}: {rounds} rounds")
+    spent = {name: [] for name in methods}
+    for seed in range(1, rounds + 1):
+        for name, run in methods.items():
+            spent[name].append(run(seed))
+    table([f"Free decay, {RESAMPLED} samples", "ms", "ratio"],
+          [[name, ms(min(spent[name])), times(ratio(spent, name, names[k // 2 * 2]))]
+           for k, name in enumerate(methods)])
 
 
 def part_instructions(beamid, *_):

@@ -6,6 +6,7 @@ Import this module before NumPy: it asks every library for one thread.
 
 import ctypes
 import glob
+import math
 import os
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", JAX_PLATFORMS="cpu",
@@ -279,6 +280,35 @@ class FreeDecay:
         return 2 * found.cost, np.exp(found.x)
 
 
+    def log_density(self, x):
+        """Of the values, each above 0 as likely as any other beforehand, times the change of
+        variable; amplitudes, offset and noise are integrated out. But for a constant."""
+        values = np.exp(x)
+        columns = self.columns(values)
+        products = columns @ columns.T
+        left = self.y - np.linalg.solve(products, columns @ self.y) @ columns
+        free = len(self.t) - len(columns)
+        return np.sum(x) - free / 2 * math.log(left @ left) - np.linalg.slogdet(products)[1] / 2
+
+    def columns(self, values):
+        """(5, m) of the linear unknowns."""
+        motions = [np.exp(complex(-damping, omega) * self.t)
+                   for damping, omega in zip(values[::2], values[1::2])]
+        return np.array([part for motion in motions for part in (motion.real, motion.imag)]
+                        + [np.ones_like(self.t)])
+
+    def by_emcee(self, start, steps, discard, seed, walkers=32):
+        """(walkers, draws, 4) by walkers that stretch."""
+        random = np.random.default_rng(seed)
+        residual, jacobian = self.evaluate(np.asarray(start))
+        deviation = np.linalg.inv(np.linalg.cholesky(jacobian.T @ jacobian / np.mean(residual**2)))
+        begin = start + random.standard_normal((walkers, len(start))) @ deviation
+        sampler = emcee.EnsembleSampler(walkers, len(start), self.log_density)
+        sampler.random_state = np.random.RandomState(seed).get_state()
+        sampler.run_mcmc(begin, steps)
+        return np.exp(sampler.get_chain(discard=discard).swapaxes(0, 1))
+
+
 class PlainDecay(FreeDecay):
     """The same without thought: numpy.linalg.lstsq, and differences for the Jacobian."""
 
@@ -288,10 +318,7 @@ class PlainDecay(FreeDecay):
 
     def left(self, values):
         """Residuals."""
-        motions = [np.exp(complex(-damping, omega) * self.t)
-                   for damping, omega in zip(values[::2], values[1::2])]
-        columns = np.column_stack([part for motion in motions
-                                   for part in (motion.real, motion.imag)] + [np.ones_like(self.t)])
+        columns = self.columns(values).T
         return columns @ np.linalg.lstsq(columns, self.y)[0] - self.y
 
 

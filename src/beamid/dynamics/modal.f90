@@ -26,6 +26,7 @@ module beamid_modal
    use beamid_synthesis, only: synthesize
    use beamid_terms, only: bending, of_stiffness, tilting
    use beamid_transfer_lines, only: transfer_along
+   use beamid_vectors, only: root_t
    implicit none
    private
 
@@ -47,8 +48,14 @@ module beamid_modal
       real(wp), private :: power = 0
       !> (operators) rows of the assembly of `poles`
       integer, allocatable, private :: rows(:)
+      !> roots of `stay_here` and their derivatives, from which every search starts; not allocated:
+      !> a search starts from those of the last structure
+      type(root_t), allocatable, private :: first_root(:), first_all(:)
+      complex(wp), allocatable, private :: first_ds(:, :)
+      integer, allocatable, private :: first_parameters(:)
+      real(wp), allocatable, private :: first_values(:)
    contains
-      procedure :: prepare, motions, free_modes, lowest_roots, transfer
+      procedure :: prepare, motions, free_modes, lowest_roots, transfer, stay_here
       procedure, private :: solve, add_loss, assemble_checked
    end type modal_t
 
@@ -67,7 +74,21 @@ contains
       call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
       if (allocated(self%structure)) deallocate (self%structure)
+      if (allocated(self%first_root)) deallocate (self%first_root)
    end subroutine prepare
+
+   !> Starts all further searches from the roots of the last structure, and from where their
+   !> derivatives predict them.
+   subroutine stay_here(self)
+      class(modal_t), intent(inout) :: self
+
+      if (.not. allocated(self%structure) .or. .not. allocated(self%poles%values)) return
+      self%first_root = self%poles%root
+      self%first_all = self%poles%all
+      self%first_ds = self%poles%ds
+      self%first_parameters = self%poles%parameters
+      self%first_values = self%poles%values
+   end subroutine stay_here
 
    !> Computes motions of the sensor and their derivatives; arguments as in `beamid_responses`.
    subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
@@ -269,6 +290,13 @@ contains
       type(assembly_t) :: slope_assembly
 
       if (allocated(self%structure)) deallocate (self%structure)
+      if (allocated(self%first_root)) then
+         self%poles%root = self%first_root
+         self%poles%all = self%first_all
+         self%poles%ds = self%first_ds
+         self%poles%parameters = self%first_parameters
+         self%poles%values = self%first_values
+      end if
       call find_poles(assembly, self%poles, error)
       if (allocated(error)) return
       if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &

@@ -40,7 +40,7 @@ contains
             call measure(assembly, poles%cluster(k))
       end do
       poles%parameters = assembly%parameters
-      poles%values = parameter_values(assembly)
+      poles%values = parameter_values(assembly, assembly%parameters)
       if (n == 0) return
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle

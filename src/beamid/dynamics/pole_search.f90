@@ -97,14 +97,13 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(in) :: poles   !< of the last structure
       complex(wp), dimension(size(poles%root)) :: s, change, linear_change
-      real(wp) :: new(size(assembly%parameters)), square, half
+      real(wp), allocatable :: new(:)
+      real(wp) :: square, half
       integer :: k, p
 
       s = poles%root%s
       if (.not. allocated(poles%values)) return
-      if (size(poles%values) /= size(assembly%parameters)) return
-      if (any(poles%parameters /= assembly%parameters)) return
-      new = parameter_values(assembly)
+      new = parameter_values(assembly, poles%parameters)
       change = 0
       linear_change = 0
       do p = 1, size(new)

@@ -236,16 +236,19 @@ contains
          - sum(assembly%base_coupling*vector%f)/s)/s
    end function load_on
 
-   !> Returns the values of the parameters of an assembly; 0 for a parameter that is not one of the
+   !> Returns the values of parameters in an assembly; 0 for a parameter that is not one of the
    !> structure's.
-   pure function parameter_values(assembly) result(values)
+   !>
+   !> parameters  their numbers
+   pure function parameter_values(assembly, parameters) result(values)
       type(assembly_t), intent(in) :: assembly
-      real(wp) :: values(size(assembly%parameters))
+      integer, intent(in) :: parameters(:)
+      real(wp) :: values(size(parameters))
       integer :: p
 
       values = 0
       do p = 1, size(values)
-         associate (k => assembly%parameters(p))
+         associate (k => parameters(p))
             if (k <= n_parameters .or. is_coefficient(k)) values(p) = assembly%structure%get(k)
          end associate
       end do

@@ -52,6 +52,7 @@ module beamid_responses
       procedure(free_modes), deferred :: free_modes
       procedure(transfer), deferred :: transfer
       procedure :: differentiate
+      procedure :: stay_here => keep_nothing
       procedure :: respond => respond_alone
       procedure :: relative_error => no_error
       procedure :: free_motion
@@ -182,6 +183,12 @@ contains
          call solver%prepare(galerkin, error)
       end select
    end subroutine prepare_for
+
+   !> Starts all further searches from the last structure and its derivatives, so that results do
+   !> not depend on the structures in between. A solver without a search has nothing to keep.
+   subroutine keep_nothing(self)
+      class(exact_solver_t), intent(inout) :: self
+   end subroutine keep_nothing
 
    !> Computes the response and its derivatives.
    !>

@@ -232,12 +232,37 @@ contains
       integer :: r
 
       r = size(b)
+      if (r == 2) then
+         call solve_pair(vector%coupled, b)
+         return
+      end if
       a(:, :r) = vector%coupled
       a(:, r + 1) = b
       call eliminate(r, 1, a(:, :r), a(:, r + 1:), regular)
       b = 0
       if (regular) b = a(:, r + 1)
    end subroutine solve_coupled
+
+   !> Solves a x = b in place for two unknowns, by elimination with pivoting; the result is 0 if the
+   !> matrix is singular.
+   pure subroutine solve_pair(a, b)
+      complex(wp), intent(in) :: a(2, 2)
+      complex(wp), intent(inout) :: b(2)
+      complex(wp) :: factor, pivot
+      integer :: k
+
+      k = merge(1, 2, size_of(a(1, 1)) >= size_of(a(2, 1)))
+      if (size_of(a(k, 1)) > 0) then
+         factor = a(3 - k, 1)/a(k, 1)
+         pivot = a(3 - k, 2) - factor*a(k, 2)
+         if (size_of(pivot) > 0) then
+            factor = (b(3 - k) - factor*b(k))/pivot
+            b = [(b(k) - a(k, 2)*factor)/a(k, 1), factor]
+            return
+         end if
+      end if
+      b = 0
+   end subroutine solve_pair
 
    !> Computes the accelerations x := M**-1 x of the oscillators under forces, and y = V'x of the
    !> rows, without the cancellation of a sum over x. For a rigid row, y is the constraint force.

@@ -254,7 +254,7 @@ contains
          if (rows < m) residual(1) = norm2(r)
       end subroutine find_residual
 
-      !> Computes all rows of the residuals and of the Jacobian at the estimate.
+      !> Computes all rows of the residuals and of the Jacobian at the estimate, if wanted.
       subroutine find_all_rows()
          if (rows < m) then
             deallocate (result%residual, result%jacobian)

@@ -82,11 +82,12 @@ contains
       u = u/(m1 + 1)
    end subroutine draw_uniform
 
-   !> Returns `modulo(x, m)` of integers below 2**53; exact, and without the C library's loop.
+   !> Returns `modulo(x, m)` of integers below 2**53; exact, and without the C library's loop. The
+   !> quotient may be off by one, which is corrected.
    pure real(wp) function remainder(x, m)
       real(wp), intent(in) :: x, m
 
-      remainder = x - m*int(x/m, ip)
+      remainder = x - m*int(x*(1/m), ip)
       if (remainder < 0) remainder = remainder + m
       if (remainder >= m) remainder = remainder - m
    end function remainder

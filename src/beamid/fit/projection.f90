@@ -4,7 +4,7 @@
 module beamid_projection
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dgeqrf, dtrtrs
+   use beamid_lapack, only: dgeqrf, dorgqr, dtrtrs
    use beamid_strings, only: to_text
    implicit none
    private
@@ -18,18 +18,6 @@ module beamid_projection
    contains
       procedure :: coefficients, derivatives
    end type projection_t
-
-   interface
-      !> LAPACK: the matrix Q of a QR decomposition.
-      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, k, lda, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(in) :: tau(*)
-         real(wp), intent(out) :: work(*)
-         integer, intent(out) :: info
-      end subroutine dorgqr
-   end interface
 
 contains
 

@@ -94,24 +94,37 @@ contains
       type(draws_t), intent(inout) :: draws
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: max_reduction = 1.05_wp, min_effective = 100
-      real(wp), allocatable :: values(:, :)
       integer :: k, n
 
       n = size(draws%q, 1)
       allocate (draws%bulk(n), draws%tail(n), draws%reduction(n))
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, n
-         if (interrupted()) return
-         values = reshape(draws%q(k, :), [size(draws%q, 2)/chains, chains])
-         draws%bulk(k) = bulk_size(values)
-         draws%tail(k) = tail_size(values)
-         draws%reduction(k) = scale_reduction(values)
+         if (interrupted()) cycle
+         call diagnose(k)
       end do
+      !$omp end parallel do
+      if (interrupted()) return
       if (draws%weighted) return
       draws%effective = minval(draws%bulk)
       if (all(draws%reduction <= max_reduction) .and. draws%effective >= min_effective) return
       call failure(error, 'sampling: the chains do not agree (potential scale reduction '// &
          to_text(maxval(draws%reduction))//', '//to_text(nint(draws%effective))// &
          ' effective draws); the posterior may have several maxima, or none')
+
+   contains
+
+      !> Computes the diagnostics of parameter k.
+      subroutine diagnose(k)
+         integer, intent(in) :: k
+         real(wp) :: values(size(draws%q, 2)/chains, chains)
+
+         values = reshape(draws%q(k, :), shape(values))
+         draws%bulk(k) = bulk_size(values)
+         draws%tail(k) = tail_size(values)
+         draws%reduction(k) = scale_reduction(values)
+      end subroutine diagnose
+
    end subroutine compute_diagnostics
 
    !> Draws from the proposal until the effective sample size suffices. If the weights are not

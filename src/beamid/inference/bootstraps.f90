@@ -1,13 +1,16 @@
 !> The bootstrap of a fit: fits of resampled records, and intervals from the spread of their
 !> estimates.
 module beamid_bootstraps
+   use beamid_condensation, only: condensed_t
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_inference, only: problem_of_fit
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
+   use beamid_kernels, only: products_with
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
+   use beamid_motion_rows, only: basis_t
    use beamid_noise, only: gaussian_noise
    use beamid_priors, only: priors_of
    use beamid_resampling, only: acceleration, block_places, corrected_interval, &
@@ -47,6 +50,16 @@ module beamid_bootstraps
       character(len=:), allocatable :: reason      !< why the first failed fit failed
    end type bootstrap_t
 
+   !> The negative response of a fit to a long free decay: its products with the orthonormal basis
+   !> of the rows near the estimate, and what is left of it. Not allocated: there is no basis.
+   type :: fitted_record_t
+      real(wp), allocatable :: basis(:, :)   !< (m, k)
+      real(wp), allocatable :: along(:)      !< (k)
+      real(wp), allocatable :: beside(:)     !< (m)
+   contains
+      procedure :: add
+   end type fitted_record_t
+
 contains
 
    !> Fits many resampled records: the model's own response plus either white noise of the stated or
@@ -71,6 +84,7 @@ contains
       type(variable_t), allocatable :: variables(:)
       type(error_t), allocatable :: failed
       type(options_t) :: options
+      type(fitted_record_t), allocatable :: fitted_records(:)
       real(wp) :: estimates(size(found%free), plan%n)
       logical :: done(plan%n)
       integer :: finished, first_failed, k, number
@@ -82,6 +96,7 @@ contains
       options%check = .false.
       options%all_rows = .false.
       call choose_kind(plan, found, experiments, bootstrap)
+      call project_records(problem, found, fitted_records)
       finished = 0
       first_failed = plan%n + 1
       bootstrap%reason = ''
@@ -124,7 +139,7 @@ contains
          type(fit_t) :: fitted
 
          mine = problem
-         call resample(mine, found, bootstrap, plan%seed + 7919*number)
+         call resample(mine, found, fitted_records, bootstrap, plan%seed + 7919*number)
          call fit(mine, mine%rows(), variables, options, fitted, failed)
          if (.not. allocated(failed)) estimates(:, number) = fitted%estimate
       end subroutine fit_one
@@ -150,14 +165,63 @@ contains
          k=1, size(experiments))]))
    end subroutine choose_kind
 
+   !> Decomposes the rows of long free decays once, for all resampled records: their columns do not
+   !> depend on the measured values.
+   !>
+   !> problem  of the fit; on return with the decomposed rows
+   !> fitted   (records) response of the fit
+   subroutine project_records(problem, found, fitted)
+      type(residual_t), intent(inout) :: problem
+      type(stage_fit_t), intent(in) :: found
+      type(fitted_record_t), allocatable, intent(out) :: fitted(:)
+      type(basis_t), allocatable :: bases(:)
+      integer :: i, k, m, n, row
+
+      n = size(found%free)
+      call problem%localize(found%fit%estimate, found%statistics%covariance(:n, :n), bases)
+      allocate (fitted(size(bases)))
+      row = 0
+      do i = 1, size(bases)
+         m = size(problem%parts(i)%observed%measured)
+         if (allocated(bases(i)%columns)) then
+            k = problem%local(i)%columns()
+            associate (self => fitted(i))
+               self%basis = bases(i)%columns(:, :k)
+               self%beside = -(problem%parts(i)%observed%measured &
+                  + found%residual(row + 1:row + m))
+               self%along = products_with(self%basis, self%beside)
+               self%beside = self%beside - matmul(self%basis, self%along)
+            end associate
+         end if
+         row = row + m
+      end do
+   end subroutine project_records
+
+   !> Computes the condensed rows of the negative sum of the response and of noise.
+   !>
+   !> noise  (m)
+   !> rows   with the factor of the basis; on return with the record
+   pure subroutine add(self, noise, rows)
+      class(fitted_record_t), intent(in) :: self
+      real(wp), intent(in), contiguous :: noise(:)
+      type(condensed_t), intent(inout) :: rows
+      real(wp) :: along(size(self%along))
+
+      along = products_with(self%basis, noise)
+      rows%y = self%along - along
+      rows%left = sqrt(max(0.0_wp, sum((self%beside - noise)**2) - sum(along**2)))
+   end subroutine add
+
    !> Replaces every record by a resampled one, and every centre of a prior of a free parameter by a
    !> random value.
    !>
    !> problem  of the fit; on return with the resampled records
+   !> fitted   (records) from `project_records`
    !> seed     of this resampled record; the noise of record i and the priors derive theirs from it
-   subroutine resample(problem, found, bootstrap, seed)
+   subroutine resample(problem, found, fitted, bootstrap, seed)
       type(residual_t), intent(inout) :: problem
       type(stage_fit_t), intent(in) :: found
+      type(fitted_record_t), intent(in) :: fitted(:)
       type(bootstrap_t), intent(in) :: bootstrap
       integer, intent(in) :: seed
       real(wp), allocatable :: noise(:)
@@ -180,6 +244,7 @@ contains
                end if
                observed%measured = observed%measured + r + noise
             end associate
+            if (allocated(fitted(i)%basis)) call fitted(i)%add(noise, problem%local(i)%rows)
          end associate
          row = row + m
       end do

@@ -11,6 +11,7 @@ module beamid_inference
    use beamid_lapack, only: dpotrf
    use beamid_least_squares, only: monitor_t
    use beamid_matrices, only: add_diagonal
+   use beamid_motion_rows, only: basis_t
    use beamid_posteriors, only: new_posterior, posterior_t
    use beamid_profile_likelihood, only: follow_profile, is_open, minimise_at, side_t
    use beamid_residuals, only: new_residuals, residual_t
@@ -166,10 +167,12 @@ contains
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
       type(posterior_t) :: density
+      type(basis_t), allocatable :: bases(:)
       real(wp) :: limit(size(found%free))
-      integer :: k
+      integer :: k, n
 
-      do k = 1, size(found%free)
+      n = size(found%free)
+      do k = 1, n
          if (all(sides(:, k)%state /= is_open)) cycle
          call refuse_open(k)
          return
@@ -179,13 +182,15 @@ contains
       call new_posterior(problem, variables, found%fit%residual, found%jacobian, plan%coloured, &
          density)
       posterior%order = density%order
+      limit = widest*max(abs(found%fit%estimate), variables%magnitude)
+      k = findloc(shares_beyond(density, variables, found%fit%estimate, limit) > clear, .true., &
+         dim=1)
+      if (k > 0) then
+         call refuse_open(k)
+         return
+      end if
+      call density%problem%localize(found%fit%estimate, found%statistics%covariance(:n, :n), bases)
       do k = 1, size(variables)
-         limit(k) = widest*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
-         if (max(share_beyond(density, variables, found%fit%estimate, k, limit(k)), &
-            share_beyond(density, variables, found%fit%estimate, k, -limit(k))) > clear) then
-            call refuse_open(k)
-            return
-         end if
          if (variables(k)%upper <= limit(k) .and. variables(k)%lower >= -limit(k)) &
             limit(k) = 2*max(abs(variables(k)%upper), abs(variables(k)%lower))
          variables(k)%upper = min(variables(k)%upper, limit(k))
@@ -225,6 +230,36 @@ contains
 
    end subroutine sample_fit
 
+   !> Returns, for each parameter (n), the larger of its shares beyond both artificial ends.
+   !>
+   !> Arguments as of `share_beyond`, but `limit` (n) is above 0.
+   function shares_beyond(density, variables, estimate, limit) result(shares)
+      type(posterior_t), intent(in) :: density
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: estimate(:), limit(:)
+      real(wp) :: shares(size(estimate)), of_side(2, size(estimate))
+      integer :: task
+
+      of_side = 0
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do task = 1, size(of_side)
+         if (interrupted()) cycle
+         call find_share((task + 1)/2, 2 - modulo(task, 2))
+      end do
+      !$omp end parallel do
+      shares = maxval(of_side, dim=1)
+
+   contains
+
+      !> Finds the share of parameter k at its lower (1) or its upper (2) end.
+      subroutine find_share(k, side)
+         integer, intent(in) :: k, side
+
+         of_side(side, k) = share_beyond(density, variables, estimate, k, (2*side - 3)*limit(k))
+      end subroutine find_share
+
+   end function shares_beyond
+
    !> Returns roughly the share of a posterior in the outer half of the range from 0 to the
    !> artificial end of an unbounded parameter: its density there, with all other parameters at
    !> their most probable values, times their volume by the curvature (Laplace's approximation),
@@ -234,19 +269,21 @@ contains
    !> k         index of the parameter
    !> limit     artificial end of its range, of either sign
    real(wp) function share_beyond(density, variables, estimate, k, limit) result(share)
-      type(posterior_t), intent(inout) :: density
+      type(posterior_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), limit
       integer, intent(in) :: k
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      type(posterior_t), allocatable :: mine
       real(wp) :: q(size(estimate)), volume_here, volume_there
       type(error_t), allocatable :: error
       integer :: i
 
       share = 0
       if (variables(k)%upper < limit .or. variables(k)%lower > limit) return
+      allocate (mine, source=density)
       q = estimate
-      call minimise_at(density%problem, density%problem%rows(), variables, k, 0.75_wp*limit, q, &
+      call minimise_at(mine%problem, mine%problem%rows(), variables, k, 0.75_wp*limit, q, &
          error)
       if (allocated(error)) return
       volume_here = log_volume(estimate, [(i, i=1, size(q))])
@@ -266,7 +303,7 @@ contains
          real(wp) :: gradient(size(q)), H(size(q), size(q)), part(size(over), size(over))
          integer :: info, j
 
-         call density%evaluate(q, volume, gradient, H)
+         call mine%evaluate(q, volume, gradient, H)
          if (.not. volume > impossible) return
          part = H(over, over)
          call add_diagonal(part, [(1/(widest*max(abs(estimate(over(j))), &
@@ -286,23 +323,43 @@ contains
    !> Computes the model's prediction [unit of the data] for the draws in `shown`; draws whose
    !> response cannot be computed are left out.
    subroutine predict(problem, posterior)
-      type(residual_t), intent(inout) :: problem
+      type(residual_t), intent(in) :: problem
       type(posterior_draws_t), intent(inout) :: posterior
-      real(wp) :: r(problem%rows())
-      real(wp), allocatable :: measured(:)
-      type(error_t), allocatable :: error
+      !> Number of draws that start from the same copy of the problem, for any number of threads.
+      integer, parameter :: block = 25
       logical :: computed(size(posterior%shown))
-      integer :: i, k
+      integer :: first, k
 
-      measured = [(problem%parts(i)%observed%measured, i=1, size(problem%parts))]
-      allocate (posterior%motion(size(measured), size(posterior%shown)))
-      do k = 1, size(posterior%shown)
-         call problem%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)
-         computed(k) = .not. allocated(error)
-         if (computed(k)) posterior%motion(:, k) = measured + problem%without_weights(r)
+      allocate (posterior%motion(problem%samples(), size(posterior%shown)))
+      computed = .false.
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do first = 1, size(computed), block
+         if (interrupted()) cycle
+         call predict_block(first, min(first + block - 1, size(computed)))
       end do
+      !$omp end parallel do
       posterior%shown = pack(posterior%shown, computed)
       posterior%motion = posterior%motion(:, pack([(k, k=1, size(computed))], computed))
+
+   contains
+
+      !> Computes the prediction for the shown draws `first` to `last`.
+      subroutine predict_block(first, last)
+         integer, intent(in) :: first, last
+         type(residual_t), allocatable :: mine
+         type(error_t), allocatable :: error
+         real(wp) :: r(problem%rows())
+         integer :: i, k
+
+         allocate (mine, source=problem)
+         do k = first, last
+            call mine%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)
+            computed(k) = .not. allocated(error)
+            if (computed(k)) posterior%motion(:, k) = [(mine%parts(i)%observed%measured, &
+               i=1, size(mine%parts))] + mine%without_weights(r)
+         end do
+      end subroutine predict_block
+
    end subroutine predict
 
 end module beamid_inference

@@ -87,18 +87,19 @@ contains
       real(wp), intent(in) :: q(:)
       real(wp), intent(out) :: value
       real(wp), intent(out), optional :: gradient(:), curvature(:, :)
-      real(wp) :: r(self%problem%rows())
-      real(wp), allocatable :: jac(:, :)
+      real(wp), allocatable :: r(:), jac(:, :)
       type(error_t), allocatable :: error
       integer :: i
 
       value = impossible
-      allocate (jac(size(r), merge(size(q), 0, present(gradient))))
-      if (present(gradient)) then
-         gradient = 0
-         curvature = 0
+      if (.not. present(gradient)) then
+         call find_value(self, q, value)
+         return
       end if
-      if (present(gradient) .and. .not. self%problem%exact) then
+      allocate (r(self%problem%rows()), jac(self%problem%rows(), size(q)))
+      gradient = 0
+      curvature = 0
+      if (.not. self%problem%exact) then
          call self%problem%residuals(q, r, error)
          if (.not. allocated(error)) call differences(self%problem, q, self%variables, 1e-8_wp, &
             jac, error)
@@ -127,7 +128,6 @@ contains
          real(wp), intent(in) :: r(:), jac(:, :)
 
          value = value - sum(r**2)/2
-         if (.not. present(gradient)) return
          gradient = gradient - matmul(r, jac)
          curvature = curvature + matmul(transpose(jac), jac)
       end subroutine add_known
@@ -140,11 +140,38 @@ contains
          J = max(sum(r**2), tiny(J))
          power = size(r) - self%linear
          value = value - power/2*log(J)
-         if (.not. present(gradient)) return
          gradient = gradient - power/J*matmul(r, jac)
          curvature = curvature + power/J*matmul(transpose(jac), jac)
       end subroutine add_estimated
 
    end subroutine evaluate
+
+   !> Computes the logarithm of the posterior density, up to a constant, without derivatives.
+   !>
+   !> q      (n) parameters
+   !> value  `impossible` if the response cannot be computed
+   subroutine find_value(self, q, value)
+      class(posterior_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), intent(out) :: value
+      real(wp) :: J(size(self%first) + 1)
+      type(error_t), allocatable :: error
+      integer :: i
+
+      value = impossible
+      call self%problem%squares(q, J, error)
+      if (allocated(error)) return
+      value = -self%problem%log_volume
+      do i = 1, size(self%first)
+         if (self%estimated(i)) then
+            value = value - (self%last(i) - self%first(i) + 1 - self%linear)/2 &
+               *log(max(J(i), tiny(J)))
+         else
+            value = value - J(i)/2
+         end if
+      end do
+      value = value - J(size(J))/(2*self%problem%noise**2)
+      if (.not. value > impossible) value = impossible
+   end subroutine find_value
 
 end module beamid_posteriors

@@ -113,7 +113,7 @@ contains
       allocate (dy(k + 1, n), source=0.0_wp)
       dy(:k, :p) = condensed%factor(:, :p)
       if (allocated(self%basis)) deallocate (self%basis)
-      allocate (self%basis(k + 1, k - p), source=0.0_wp)
+      allocate (self%basis(k + 1, size(condensed%factor, 2) - p), source=0.0_wp)
       self%basis(:k, :) = condensed%factor(:, p + 1:)
    end subroutine take_condensed
 

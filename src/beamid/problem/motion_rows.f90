@@ -5,26 +5,36 @@ module beamid_motion_rows
    use beamid_fit_setups, only: fit_setup_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t, stack_channels
+   use beamid_local_decays, only: local_decay_t
    use beamid_observed_data, only: seen_modes_t
    use beamid_projection, only: new_projection, projection_t
-   use beamid_responses, only: work_t
+   use beamid_responses, only: exact_solver_t, work_t
    use beamid_unknowns, only: scenario_t
    implicit none
    private
 
-   public :: motion_rows_t
+   public :: basis_t, motion_rows_t
+
+   !> Columns of a record that are orthonormal.
+   type :: basis_t
+      real(wp), allocatable :: columns(:, :)   !< (m, k)
+   end type basis_t
 
    !> A fit whose motions can be evaluated.
    type, abstract, extends(fit_setup_t) :: motion_rows_t
       type(work_t) :: work   !< what the solver did in all evaluations
       !> log sqrt(det Phi'Phi) of the last evaluation; Phi: columns of the linear unknowns
       real(wp) :: log_volume = 0
+      !> (records) bases of long free decays that hold near given parameters; not allocated: none
+      type(local_decay_t), allocatable :: local(:)
    contains
+      procedure :: localize
       procedure :: evaluate_motion
       procedure :: condense_motion
+      procedure, private :: condense_channel
       procedure :: eliminate
       procedure :: expand_motion
-      procedure, private :: weight_channel
+      procedure, private :: weight_channel, whiten_channel
    end type motion_rows_t
 
 contains
@@ -55,12 +65,13 @@ contains
             channel(i), self%work, error, seen)
          if (allocated(error)) return
          call self%weight_channel(i, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i)%basis)
+         call self%whiten_channel(i, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i)%basis)
          row = row + m
       end do
       call stack_channels(channel, 2*scenario%excitations(first)%modes, linear)
    end subroutine evaluate_motion
 
-   !> Multiplies the rows of record i by its weight and whitens them.
+   !> Multiplies the rows of record i by its weight.
    !>
    !> y      (m) residuals
    !> dy     (m, p) derivatives
@@ -69,13 +80,21 @@ contains
       class(motion_rows_t), intent(in) :: self
       integer, intent(in) :: i
       real(wp), intent(inout) :: y(:), dy(:, :), basis(:, :)
+
+      if (.not. self%is_weighted()) return
+      y = self%weight(i)*y
+      dy = self%weight(i)*dy
+      basis = self%weight(i)*basis
+   end subroutine weight_channel
+
+   !> Whitens the rows of record i if its noise is autoregressive. Arguments as of
+   !> `weight_channel`.
+   pure subroutine whiten_channel(self, i, y, dy, basis)
+      class(motion_rows_t), intent(in) :: self
+      integer, intent(in) :: i
+      real(wp), intent(inout) :: y(:), dy(:, :), basis(:, :)
       integer :: k
 
-      if (self%is_weighted()) then
-         y = self%weight(i)*y
-         dy = self%weight(i)*dy
-         basis = self%weight(i)*basis
-      end if
       if (.not. allocated(self%colour)) return
       call self%colour(i)%whiten(y)
       do k = 1, size(dy, 2)
@@ -84,50 +103,128 @@ contains
       do k = 1, size(basis, 2)
          call self%colour(i)%whiten(basis(:, k))
       end do
-   end subroutine weight_channel
+   end subroutine whiten_channel
+
+   !> Prepares many evaluations near given parameters: the solvers start from there, and the rows of
+   !> long free decays are decomposed once (`beamid_local_decays`).
+   !>
+   !> parameters  (n)
+   !> covariance  (n, n) of the parameters, which tells how far they are expected to vary
+   !> bases       (records) orthonormal basis of the columns of each record and of the record
+   !>             itself; without rows: the record has none
+   subroutine localize(self, parameters, covariance, bases)
+      class(motion_rows_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:), covariance(:, :)
+      type(basis_t), allocatable, intent(out) :: bases(:)
+      type(scenario_t) :: scenario
+      type(seen_modes_t) :: seen
+      type(error_t), allocatable :: error
+      integer, allocatable :: active(:)
+      real(wp) :: nothing(0), none(0, 0), r(self%rows()), jac(size(r), size(parameters))
+      integer :: i, k
+
+      if (allocated(self%local)) deallocate (self%local)
+      allocate (self%local(size(self%parts)), bases(size(self%parts)))
+      if (.not. self%exact) return
+      call self%jacobian(parameters, r, jac, error)
+      if (allocated(error)) return
+      scenario = self%with(parameters)
+      do i = 1, size(self%parts)
+         select type (solver => self%parts(i)%solver)
+         class is (exact_solver_t)
+            call solver%stay_here()
+         end select
+         if (self%last_channel(max(1, i - 1)) < i .or. i == 1) seen = seen_modes_t()
+         active = pack([(k, k=1, size(parameters))], self%record == 0 .or. self%record == i)
+         call self%parts(i)%observed%localize(self%parts(i)%meshed_model_t, &
+            scenario%structures(i), scenario%excitations(i), self%offset_is_unknown(i), &
+            self%free(active), covariance(active, active), self%local(i), bases(i)%columns, &
+            self%work, error, seen)
+         if (allocated(error)) return
+         if (.not. allocated(bases(i)%columns)) cycle
+         call self%whiten_channel(i, nothing, none, bases(i)%columns)
+         call self%local(i)%decompose(bases(i)%columns)
+      end do
+   end subroutine localize
 
    !> Computes the weighted residuals of one motion in condensed rows. Arguments as of
    !> `evaluate_motion`, but y and dy have as many rows as it takes.
    !>
    !> channel  (first:last) linear unknowns of each channel
-   subroutine condense_motion(self, scenario, first, last, parameters, y, dy, linear, channel, &
-      error)
+   !> locally  whether the bases of `localize` may be used; `channel` then cannot tell all rows
+   !> last_rows  (first:last) if present, index of the last row of each channel
+   subroutine condense_motion(self, scenario, first, last, parameters, locally, y, dy, linear, &
+      channel, error, last_rows)
       class(motion_rows_t), intent(inout) :: self
       type(scenario_t), intent(in) :: scenario
       integer, intent(in) :: first, last, parameters(:)
+      logical, intent(in) :: locally
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear, channel(first:)
       type(error_t), allocatable, intent(out) :: error
+      integer, intent(out), optional :: last_rows(first:)
       type(seen_modes_t) :: seen
       real(wp), allocatable :: y_of(:), dy_of(:, :), before(:, :)
-      integer :: i, m
+      integer :: i
 
-      allocate (y(0), dy(0, size(parameters)))
       do i = first, last
-         if (allocated(self%colour)) then
-            m = size(self%parts(i)%observed%measured)
-            allocate (y_of(m), dy_of(m, size(parameters)))
-            call self%parts(i)%evaluate(scenario%structures(i), scenario%excitations(i), &
-               self%offset_is_unknown(i), parameters, y_of, dy_of, channel(i), self%work, error, &
-               seen)
-         else
-            call self%parts(i)%observed%condense(self%parts(i)%meshed_model_t, &
-               scenario%structures(i), scenario%excitations(i), self%offset_is_unknown(i), &
-               parameters, y_of, dy_of, channel(i), self%work, error, seen)
-         end if
+         call self%condense_channel(i, scenario, parameters, locally, y_of, dy_of, channel(i), &
+            seen, error)
          if (allocated(error)) return
-         call self%weight_channel(i, y_of, dy_of, channel(i)%basis)
-         if (allocated(self%colour)) call channel(i)%condense(y_of, dy_of)
-         before = dy
-         deallocate (dy)
-         allocate (dy(size(y) + size(y_of), size(parameters)))
-         dy(:size(y), :) = before
-         dy(size(y) + 1:, :) = dy_of
-         y = [y, y_of]
-         deallocate (y_of, dy_of)
+         if (i == first) then
+            call move_alloc(y_of, y)
+            call move_alloc(dy_of, dy)
+         else
+            call move_alloc(dy, before)
+            allocate (dy(size(y) + size(y_of), size(parameters)))
+            dy(:size(y), :) = before
+            dy(size(y) + 1:, :) = dy_of
+            y = [y, y_of]
+         end if
+         if (present(last_rows)) last_rows(i) = size(y)
       end do
       call stack_channels(channel, 2*scenario%excitations(first)%modes, linear)
    end subroutine condense_motion
+
+   !> Computes the weighted residuals of record i in condensed rows. Arguments as of
+   !> `condense_motion`.
+   !>
+   !> seen  modes as the first channel of the motion measures them
+   subroutine condense_channel(self, i, scenario, parameters, locally, y, dy, channel, seen, error)
+      class(motion_rows_t), intent(inout) :: self
+      integer, intent(in) :: i, parameters(:)
+      type(scenario_t), intent(in) :: scenario
+      logical, intent(in) :: locally
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: channel
+      type(seen_modes_t), intent(inout) :: seen
+      type(error_t), allocatable, intent(out) :: error
+      logical :: is_done
+      integer :: m
+
+      is_done = .false.
+      associate (part => self%parts(i), structure => scenario%structures(i), &
+         excitation => scenario%excitations(i), offset => self%offset_is_unknown(i))
+         if (locally .and. allocated(self%local)) call part%observed%condense_near( &
+            part%meshed_model_t, structure, excitation, offset, parameters, self%local(i), y, dy, &
+            channel, self%work, error, seen, is_done)
+         if (allocated(error)) return
+         if (.not. is_done .and. allocated(self%colour)) then
+            m = size(part%observed%measured)
+            allocate (y(m), dy(m, size(parameters)))
+            call part%evaluate(structure, excitation, offset, parameters, y, dy, channel, &
+               self%work, error, seen)
+            if (allocated(error)) return
+            call self%whiten_channel(i, y, dy, channel%basis)
+            call channel%condense(y, dy)
+         else if (.not. is_done) then
+            call part%observed%condense(part%meshed_model_t, structure, excitation, offset, &
+               parameters, y, dy, channel, self%work, error, seen)
+            if (allocated(error)) return
+         end if
+      end associate
+      call self%weight_channel(i, y, dy, channel%basis)
+   end subroutine condense_channel
 
    !> Eliminates the linear unknowns of one motion.
    !>
@@ -195,8 +292,8 @@ contains
       is_done = .not. allocated(self%colour) .and. all([(self%parts(i)%observed%has_rows( &
          scenario%excitations(i)), i=first, last)])
       if (.not. is_done) return
-      call self%condense_motion(scenario, first, last, self%free(active), y, dy, linear, channels, &
-         error)
+      call self%condense_motion(scenario, first, last, self%free(active), .false., y, dy, linear, &
+         channels, error)
       if (allocated(error)) return
       is_done = all([(allocated(channels(i)%rows), i=first, last)])
       if (.not. is_done) return

@@ -10,6 +10,7 @@ module beamid_observed_data
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
+   use beamid_local_decays, only: local_decay_t
    use beamid_responses, only: solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -48,6 +49,8 @@ module beamid_observed_data
    contains
       procedure(evaluate_data), deferred :: evaluate
       procedure :: condense => condense_rows
+      procedure :: localize => localize_nothing
+      procedure :: condense_near => condense_nothing
       procedure :: has_rows => has_no_rows
       procedure :: expand => expand_nothing
       procedure :: times => no_times
@@ -124,6 +127,52 @@ contains
       call linear%complete(size(y), size(parameters))
       call linear%condense(y, dy)
    end subroutine condense_rows
+
+   !> Finds a basis of the rows that holds near given parameters, if there is one.
+   !>
+   !> covariance  (p, p) of the parameters, which tells how far they are expected to vary
+   !> local       the basis, without its rows; unchanged: none
+   !> matrix      (m, columns + 1) columns of the basis and negative record; not allocated: none
+   !>
+   !> The other arguments are those of `evaluate`.
+   subroutine localize_nothing(self, model, structure, excitation, offset, parameters, covariance, &
+      local, matrix, work, error, first)
+      class(observed_data_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(in) :: covariance(:, :)
+      type(local_decay_t), intent(inout) :: local
+      real(wp), allocatable, intent(out) :: matrix(:, :)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+   end subroutine localize_nothing
+
+   !> Does the same as `condense`, from the rows of a basis that holds near given parameters.
+   !>
+   !> local    from `localize`, with its rows
+   !> is_done  .false.: the parameters are too far away; nothing has been computed
+   subroutine condense_nothing(self, model, structure, excitation, offset, parameters, local, y, &
+      dy, linear, work, error, first, is_done)
+      class(observed_data_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      type(local_decay_t), intent(in) :: local
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      logical, intent(out) :: is_done
+
+      is_done = .false.
+   end subroutine condense_nothing
 
    !> Returns whether `condense` can tell all rows block by block.
    !>

@@ -45,6 +45,7 @@ module beamid_residuals
       procedure :: condensed_rows
       procedure :: condensed
       procedure :: evaluate
+      procedure :: squares
       procedure :: beginning
       procedure :: check_sample
       procedure, private :: has_long_record
@@ -239,6 +240,45 @@ contains
       if (size(r) > row) call self%add_prior_rows(parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine evaluate
 
+   !> Computes the sum of squares of the residuals of each record, and that of the priors and
+   !> penalties, with the linear unknowns eliminated. Long records are condensed.
+   !>
+   !> parameters  (n) trial values
+   !> J           (records + 1)
+   !> error       as of `evaluate`
+   subroutine squares(self, parameters, J, error)
+      class(residual_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: J(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(scenario_t) :: scenario
+      type(linear_t) :: linear
+      type(linear_t), allocatable :: channels(:)
+      real(wp), allocatable :: y(:), dy(:, :), phi(:, :), c(:)
+      real(wp) :: of_priors(self%rows() - self%samples()), none(size(of_priors), 0)
+      integer :: rows(0:size(self%parts)), i, k, last
+
+      self%log_volume = 0
+      call check_interrupt(error)
+      if (allocated(error)) return
+      scenario = self%with(parameters)
+      i = 1
+      do while (i <= size(self%parts))
+         last = self%last_channel(i)
+         if (allocated(channels)) deallocate (channels)
+         allocate (channels(i:last))
+         rows(i - 1) = 0
+         call self%condense_motion(scenario, i, last, [integer ::], .true., y, dy, linear, &
+            channels, error, rows(i:last))
+         if (.not. allocated(error)) call self%eliminate(linear, .true., y, dy, phi, c, error)
+         if (allocated(error)) return
+         J(i:last) = [(sum(y(rows(k - 1) + 1:rows(k))**2), k=i, last)]
+         i = last + 1
+      end do
+      if (size(of_priors) > 0) call self%add_prior_rows(parameters, of_priors, none)
+      J(size(J)) = sum(of_priors**2)
+   end subroutine squares
+
    !> Returns the number of rows that a search needs: n + 1 if derivatives are exact and there is a
    !> long record, else all. Arguments as of `smooth_problem_t`.
    pure integer function condensed_rows(self, m, n)
@@ -289,8 +329,8 @@ contains
          active = pack([(k, k=1, n)], self%record == 0 .or. self%record == i)
          if (allocated(channels)) deallocate (channels)
          allocate (channels(i:last))
-         call self%condense_motion(scenario, i, last, self%free(active), y, dy, linear, channels, &
-            error)
+         call self%condense_motion(scenario, i, last, self%free(active), .true., y, dy, linear, &
+            channels, error)
          if (.not. allocated(error)) call self%eliminate(linear, .true., y, dy, phi, c, error)
          if (allocated(error)) return
          call add_rows(active, dy, y, rows)

@@ -12,6 +12,7 @@ module beamid_time_records
    use beamid_free_motion, only: free_mode_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
+   use beamid_local_decays, only: local_decay_t, new_local_decay
    use beamid_observation, only: from_acceleration, new_sampling, sampling_t
    use beamid_observed_data, only: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
    use beamid_parameters, only: amplitude
@@ -23,6 +24,9 @@ module beamid_time_records
 
    public :: time_record_t
 
+   !> Largest size of the matrix that `localize` decomposes, 160 MB.
+   real(wp), parameter :: most_numbers = 2e7_wp
+
    !> A record of accelerations [length/time**2].
    type, extends(observed_data_t) :: time_record_t
       type(sampling_t) :: sampling   !< sample times, observation formula and response times
@@ -32,6 +36,8 @@ module beamid_time_records
    contains
       procedure :: evaluate
       procedure :: condense
+      procedure :: localize
+      procedure :: condense_near
       procedure :: has_rows
       procedure :: expand
       procedure :: times => record_times
@@ -222,6 +228,83 @@ contains
       call linear%take_condensed(rows%condensed(), y, dy, 0)
       allocate (linear%rows, source=rows)
    end subroutine condense
+
+   !> Finds a basis of the rows of a free decay near given parameters. Arguments as of
+   !> `observed_data_t`.
+   subroutine localize(self, model, structure, excitation, offset, parameters, covariance, local, &
+      matrix, work, error, first)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(in) :: covariance(:, :)
+      type(local_decay_t), intent(inout) :: local
+      real(wp), allocatable, intent(out) :: matrix(:, :)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      !> Distance from the centre [standard deviations]: one draw of Student's t with four degrees
+      !> of freedom in 4000 is further away.
+      real(wp), parameter :: reach = 12
+      type(equations_t), target :: equations
+      type(free_mode_t), allocatable :: modes(:)
+      real(wp), allocatable :: distance(:)
+      integer :: k
+
+      if (.not. self%has_rows(excitation)) return
+      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
+      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+         error)
+      if (allocated(error)) return
+      if (any([(allocated(modes(k)%cluster), k=1, size(modes))])) return
+      distance = [(reach*sqrt(max(0.0_wp, real(dot_product(modes(k)%ds, matmul(covariance, &
+         modes(k)%ds))))), k=1, size(modes))]
+      local = new_local_decay([modes%s], distance, first%begin, merge(self%scale, 0.0_wp, offset), &
+         self%sampling%sample_times)
+      if (real(size(self%measured), wp)*local%columns() <= most_numbers) &
+         matrix = local%matrix(self%sampling%sample_times, self%measured)
+   end subroutine localize
+
+   !> Condenses the rows of a free decay near given parameters. Arguments as of `observed_data_t`.
+   subroutine condense_near(self, model, structure, excitation, offset, parameters, local, y, dy, &
+      linear, work, error, first, is_done)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      type(local_decay_t), intent(in) :: local
+      real(wp), allocatable, intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      logical, intent(out) :: is_done
+      type(equations_t), target :: equations
+      type(free_mode_t), allocatable :: modes(:)
+      type(seen_modes_t) :: before
+      integer :: k
+
+      is_done = .false.
+      if (.not. allocated(local%rows%y)) return
+      before = first
+      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
+      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+         error)
+      if (allocated(error)) return
+      is_done = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
+      if (is_done) is_done = local%covers([modes%s], first%begin, merge(self%scale, 0.0_wp, offset))
+      if (.not. is_done) then
+         first = before
+         return
+      end if
+      call set_weights(modes, from_acceleration, size(parameters), offset, linear)
+      allocate (dy(0, size(parameters)))
+      call linear%take_condensed(local%near([modes%s]), y, dy, 0)
+   end subroutine condense_near
 
    !> Returns whether the record is long and a free decay.
    pure logical function has_rows(self, excitation)

@@ -10,7 +10,8 @@ module beamid_kernels
    implicit none
    private
 
-   public :: decay_t, new_decay, add_products, combine_columns, lagged_products, subtract_columns
+   public :: decay_t, new_decay, exponential, add_products, combine_columns, lagged_products, &
+      products_with, subtract_columns
 
    !> Number of rows of a block.
    integer, parameter, public :: block_rows = 128
@@ -242,6 +243,29 @@ contains
          end do
       end do
    end subroutine combine_columns
+
+   !> Returns the products of the columns of a matrix with a vector.
+   !>
+   !> x  (m, k)
+   !> y  (m)
+   pure function products_with(x, y) result(products)
+      real(wp), intent(in), contiguous :: x(:, :), y(:)
+      real(wp) :: products(size(x, 2)), a
+      integer :: first, i, j, m
+
+      m = size(y)
+      products = 0
+      do first = 1, m, 4*block_rows
+         do j = 1, size(x, 2)
+            a = 0
+            !$omp simd reduction(+:a)
+            do i = first, min(first + 4*block_rows - 1, m)
+               a = a + x(i, j)*y(i)
+            end do
+            products(j) = products(j) + a
+         end do
+      end do
+   end function products_with
 
    !> Returns the sums of x(i) x(i + k) over i, for k = 1, ..., lags.
    !>

@@ -5,7 +5,7 @@ module beamid_lapack
    implicit none
    private
 
-   public :: dgeev, dgels, dgelsy, dgeqrf, dgesv, dgesvd, dposv, dpotrf, dtrtrs
+   public :: dgeev, dgels, dgelsy, dgeqrf, dgesv, dgesvd, dorgqr, dposv, dpotrf, dtrtrs
 
    interface
       subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
@@ -54,6 +54,14 @@ module beamid_lapack
          real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
          integer, intent(out) :: info
       end subroutine dgesvd
+      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, k, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: tau(*)
+         real(wp), intent(out) :: work(*)
+         integer, intent(out) :: info
+      end subroutine dorgqr
       subroutine dposv(uplo, n, nrhs, a, lda, b, ldb, info)
          import :: wp
          character, intent(in) :: uplo

@@ -54,10 +54,14 @@ contains
    !> Returns the number of characters that an integer takes.
    pure integer function digits_of(value)
       integer(ip), intent(in) :: value
-      character(len=24) :: buffer
+      integer(ip) :: rest
 
-      write (buffer, '(i0)') value
-      digits_of = len_trim(buffer)
+      digits_of = merge(2, 1, value < 0)
+      rest = value/10
+      do while (rest /= 0)
+         rest = rest/10
+         digits_of = digits_of + 1
+      end do
    end function digits_of
 
    !> Returns the value, with 0 in place of -0.
@@ -107,15 +111,22 @@ contains
       integer, intent(in) :: value
       character(len=digits_of(int(value, ip))) :: text
 
-      write (text, '(i0)') value
+      text = long_to_text(int(value, ip))
    end function integer_to_text
 
    !> Returns a 64-bit integer as text.
    pure function long_to_text(value) result(text)
       integer(ip), intent(in) :: value
       character(len=digits_of(value)) :: text
+      integer(ip) :: rest
+      integer :: k
 
-      write (text, '(i0)') value
+      text(1:1) = '-'
+      rest = value
+      do k = len(text), merge(2, 1, value < 0), -1
+         text(k:k) = achar(iachar('0') + int(abs(mod(rest, 10_ip))))
+         rest = rest/10
+      end do
    end function long_to_text
 
    !> Returns a real number as text, in the form of `short_form`.
