@@ -20,8 +20,8 @@ program test_key_examples
 
    character(len=*), parameter :: nl = achar(10)
    !> Groups of a small case. An example replaces the group of the same name.
-   character(len=*), parameter :: small_case(*) = [character(len=60) :: &
-      '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, c_D=2e6 /', &
+   character(len=*), parameter :: small_case(*) = [character(len=68) :: &
+      '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, c_D=2e6, b_h=0.1 /', &
       '&hose m_H=0.004, k_H=5 /', '&sensor name=''tip'', x_S=0.44 /', &
       '&support x_P=0.3, k_P=200 /', &
       '&gravity g=9.81 /', '&axial force=-0.2 /', &

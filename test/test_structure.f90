@@ -318,6 +318,8 @@ contains
          case ('g'); direct = s%g
          case ('T'); direct = s%T
          case ('eta'); direct = s%eta
+         case ('a_h'); direct = s%a_h
+         case ('b_h'); direct = s%b_h
          case ('place'); direct = s%x_D
          case ('width'); direct = s%w_D
          case ('depth'); direct = s%d_D

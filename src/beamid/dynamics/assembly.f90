@@ -17,19 +17,21 @@
 !> D_i = m_i s**2 + c_i s + k_i + i l_i. This holds for Im s > 0; for Im s < 0 the sign of L is the
 !> opposite one.
 !>
-!> Terms that couple all oscillators of the beam (axial force, weight, properties that vary along
-!> the beam) are kept apart in a full matrix E(s), the component `dense`.
+!> Terms that couple all oscillators of the beam (axial force, weight, spatial hysteresis,
+!> properties that vary along the beam) are kept apart in a full matrix E(s), the component `dense`.
 !>
 !> A hose can be described in two ways. With the coordinate y, c_H s + k_H couples the hose with its
 !> point of the beam; with y - u(x_H), m_H s**2 couples them instead. D(s) is the same. The smaller
 !> coupling loses fewer digits, so `form_at` chooses for each hose at a given s. The choices are the
 !> bits of an integer, the form: bit h - 1 is set if hose h is described by y - u(x_H).
 module beamid_assembly
+   use beamid_hysteresis, only: hysteresis_products
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
-   use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, inertia, &
+   use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, hysteresis, &
+      inertia, &
       is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, of_damping, of_load, &
       of_loss, of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, &
       sensor_value, strengths_and_slopes, stretch, tip_slope, tip_value, weight
@@ -412,7 +414,7 @@ contains
       real(wp), intent(in) :: slopes(:, :, :)
       logical, intent(in), optional :: whole
       real(wp), allocatable :: mode_slope(:)
-      logical :: needed, pull(size(self%row))
+      logical :: needed, lags, pull(size(self%row))
       integer :: j, k
 
       do j = 1, size(pull)
@@ -420,7 +422,9 @@ contains
          if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
             any(abs(slopes(j, of_stiffness, :)) > 0)
       end do
-      needed = allocated(modes%damping_remainder) .or. has_field(self) .or. any(pull)
+      lags = abs(self%strength(hysteresis, of_damping)) > 0 .or. &
+         any(abs(slopes(hysteresis, of_damping, :)) > 0)
+      needed = allocated(modes%damping_remainder) .or. has_field(self) .or. lags .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
       allocate (self%dense(self%beam, self%beam, 3), &
@@ -433,6 +437,7 @@ contains
          end do
       end if
       if (has_field(self)) call add_field_bending(self, modes, slopes)
+      if (lags) call add_hysteresis(self, modes, slopes)
       if (.not. any(pull)) return
       do k = 1, size(pull)
          if (.not. pull(k)) cycle
@@ -464,6 +469,23 @@ contains
             + s_p(p)*matrix
       end do
    end subroutine add_dense
+
+   !> Adds spatial hysteresis to E and its slopes.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   subroutine add_hysteresis(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      real(wp), dimension(self%beam, self%beam) :: products, by_range
+
+      associate (s => self%strength(hysteresis, of_damping))
+         call hysteresis_products(modes, place_on_mesh(hysteresis, self%structure, &
+            modes%space%length), products, by_range)
+         call add_dense(self, 1, products, s, slopes(hysteresis, of_damping, :))
+         call add_dense(self, 1, by_range, 0.0_wp, s*position_slopes(self, modes, hysteresis))
+      end associate
+   end subroutine add_hysteresis
 
    !> Returns whether E(x) or c_D(x) depends on parameters: on those of the structure, or on a
    !> parameter of the slopes.

@@ -17,7 +17,7 @@ module beamid_cvode
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure_checks, only: check_axial_load, check_causal
+   use beamid_structure_checks, only: check_axial_load, check_causal, check_local
    use sundials, only: complaint_t, create_cvode, CV_ONE_STEP, FCVode, FCVodeFree, &
       FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetMaxOrd, &
       FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances, FN_VDestroy, &
@@ -254,6 +254,7 @@ contains
       call check_axial_load(equations%structure, error)
       if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
          error)
+      if (.not. allocated(error)) call check_local(equations%structure, error)
       if (allocated(error)) return
       if (equations%buckles()) then
          call failure(error, 'CVODE: '//buckled)

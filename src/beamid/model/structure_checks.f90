@@ -13,7 +13,8 @@ module beamid_structure_checks
    implicit none
    private
 
-   public :: check_structure, check_axial_load, check_causal, add_unit_hint, furthest_parameter
+   public :: check_structure, check_axial_load, check_causal, check_local, add_unit_hint, &
+      furthest_parameter
 
    !> Largest axial force, as a multiple of E I/length**2. At this force the beam is 500 times as
    !> long as sqrt(E I/N), the length over which the force bends it. Under a larger tension the beam
@@ -263,6 +264,16 @@ contains
          'eta: found '//to_text(structure%eta)//' for a response in time, expected 0 and no '// &
          'derivative: a loss factor is not causal')
    end subroutine check_causal
+
+   !> Refuses spatial hysteresis, which couples all points of the beam, for a solver with band
+   !> matrices.
+   subroutine check_local(structure, error)
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+
+      if (structure%a_h > 0) call failure(error, 'a_h: found '//to_text(structure%a_h)// &
+         ' with cvode, expected modal: spatial hysteresis couples all points of the beam')
+   end subroutine check_local
 
    !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is
    !> about an axial force far beyond the bending stiffness; leaves other errors unchanged.
