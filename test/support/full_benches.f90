@@ -31,17 +31,28 @@ contains
       real(wp), intent(in) :: step, f(:)
       real(qp), intent(out) :: values(:, :)
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
-         growth(:, :), x(:), held(:, :), tilt(:), rides(:)
-      integer :: i, n
+         growth(:, :), x(:), held(:, :), tilt(:), rides(:), bent(:, :)
+      real(qp) :: d(2), b(2)
+      integer :: i, j, l, n
 
       n = galerkin%space%n + count(structure%has_hose())
-      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), &
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(4*n + 4, 4*n + 4), x(4*n + 4), &
          source=0.0_qp)
       call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held, rides)
+      bent = bending_of(galerkin, structure, n)
+      d = [structure%d_1, structure%d_2]
+      b = [structure%b_1, structure%b_2]
       do i = 1, n
          a(i, n + i) = 1
          a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0*rides)
          a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0*rides)
+         do l = 1, 2
+            ! z' = u' - b z, with the force d K_E z
+            j = 2*n + 4 + (l - 1)*n + i
+            a(n + 1:2*n, j) = accelerations(M, held, -d(l)*bent(:, i), 0*rides)
+            a(j, n + i) = 1
+            a(j, j) = -b(l)
+         end do
       end do
       ! f and its slope; velocity and displacement of the base.
       a(n + 1:2*n, 2*n + 1) = accelerations(M, held, loads(:, 1), merge(-rides, 0*rides, is_base))
@@ -63,8 +74,9 @@ contains
    end subroutine bench_motion
 
    !> Displacement of the sensor per unit force, and its reading of gravity, at places in the
-   !> complex plane above the real axis: (s**2 M + s C + K + i eta K_E) q = F by elimination, where
-   !> K_E is the part of K that is due to E, with the forces of rigid supports.
+   !> complex plane above the real axis: (s**2 M + s C + K + (i eta + sum of d s/(s + b)) K_E) q = F
+   !> by elimination, where K_E is the part of K that is due to E, with the forces of rigid
+   !> supports.
    !>
    !> structure, near  as in `bench_motion`
    !> s                (points) [1/time]
@@ -88,9 +100,9 @@ contains
          z = cmplx(s(i), kind=qp)
          full = 0
          full(:n, :n) = (z*M + C)*z + K
-         full(:galerkin%space%n, :galerkin%space%n) = full(:galerkin%space%n, :galerkin%space%n) &
-            + cmplx(0, structure%eta, qp)*structure%E*structure%I*(galerkin%space%length &
-            /real(structure%length, qp))**3*dense_of(galerkin%bending)
+         full(:n, :n) = full(:n, :n) + (cmplx(0, structure%eta, qp) + structure%d_1*z/(z &
+            + max(structure%b_1, tiny(1.0_wp))) + structure%d_2*z/(z + max(structure%b_2, &
+            tiny(1.0_wp))))*bending_of(galerkin, structure, n)
          full(:n, n + 1:) = held
          full(n + 1:, :n) = transpose(held)
          x = 0
@@ -99,6 +111,18 @@ contains
          h(i, :) = [sum(o*x(:n)), sum(tilt*x(:n))]
       end do
    end subroutine bench_transfer
+
+   !> The part of K that is due to E, (n, n).
+   function bending_of(galerkin, s, n) result(bent)
+      type(galerkin_t), intent(in) :: galerkin
+      type(structure_t), intent(in) :: s
+      integer, intent(in) :: n
+      real(qp) :: bent(n, n)
+
+      bent = 0
+      bent(:galerkin%space%n, :galerkin%space%n) = real(s%E, qp)*s%I*(galerkin%space%length &
+         /real(s%length, qp))**3*dense_of(galerkin%bending)
+   end function bending_of
 
    !> M**-1 force, where what is held has an acceleration that is known.
    function accelerations(M, held, force, known) result(a)

@@ -214,7 +214,8 @@ contains
    end subroutine check_coupled
 
    !> Refuses free parameters that have no effect at the start values of their stage, because
-   !> another parameter is 0 there: b_h beside a_h = 0, or a_h beside b_h = 0.
+   !> another parameter is 0 there: b_h beside a_h = 0, or a_h beside b_h = 0. The strength of a
+   !> relaxation is refused at 0 itself, where the relaxation has no root.
    subroutine check_modifiers(case, error)
       type(case_t), intent(in) :: case
       type(error_t), allocatable, intent(inout) :: error
@@ -225,7 +226,7 @@ contains
          if (strength == 0) cycle
          do k = 1, size(case%stages)
             call check_pair(k, p, strength)
-            call check_pair(k, strength, p)
+            if (strength /= p) call check_pair(k, strength, p)
          end do
       end do
 
@@ -234,15 +235,16 @@ contains
       !> Refuses a free parameter whose partner is 0 at the start of a stage.
       subroutine check_pair(k, free, partner)
          integer, intent(in) :: k, free, partner
+         character(len=:), allocatable :: found
 
          if (.not. any(case%stages(k)%free == free)) return
          if (start_of(case, k, partner) > 0) return
-         associate (s => case%model%structure)
-            call refuse(case%path, case%stage_lines(k), 'stage free', ''''// &
-               trim(name_of_parameter(s, free))//''' beside '// &
-               trim(name_of_parameter(s, partner))//' = 0, where it has no effect', &
-               'a start value of '//trim(name_of_parameter(s, partner))//' above 0, in &'// &
-               trim(parameters(partner)%group)//' or in start', error)
+         associate (name => trim(name_of_parameter(case%model%structure, free)), &
+            other => trim(name_of_parameter(case%model%structure, partner)))
+            found = ''''//name//''' beside '//other//' = 0, where it has no effect'
+            if (free == partner) found = ''''//name//''' from the start value 0'
+            call refuse(case%path, case%stage_lines(k), 'stage free', found, 'a start value of '// &
+               other//' above 0, in &'//trim(parameters(partner)%group)//' or in start', error)
          end associate
       end subroutine check_pair
 

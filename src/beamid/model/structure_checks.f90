@@ -7,7 +7,7 @@ module beamid_structure_checks
       parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: deflection, n_parameters, no_spring, of_E, of_eta, &
+   use beamid_structure, only: deflection, n_parameters, no_spring, of_d, of_E, of_eta, &
       of_g, of_I, of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
    use beamid_units, only: units_t
    implicit none
@@ -250,19 +250,26 @@ contains
       call locate(error, trim(merge('force', 'g    ', k == of_T)))
    end subroutine check_axial_load
 
-   !> Refuses structural damping, which is defined for vibrations at one frequency: a stiffness
-   !> E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound Vib. 11,
-   !> 1970, 3).
+   !> Refuses structural damping in time, which is defined for vibrations at one frequency: a
+   !> stiffness E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound
+   !> Vib. 11, 1970, 3). Refuses derivatives with respect to a relaxation of strength 0, which has
+   !> no root.
    !>
    !> parameters  numbers of the parameters of derivatives
    subroutine check_causal(structure, parameters, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: parameters(:)
       type(error_t), allocatable, intent(out) :: error
+      integer :: l
 
       if (structure%eta > 0 .or. any(parameters == of_eta)) call failure(error, &
          'eta: found '//to_text(structure%eta)//' for a response in time, expected 0 and no '// &
          'derivative: a loss factor is not causal')
+      if (allocated(error)) return
+      do l = 1, size(of_d)
+         if (any(parameters == of_d(l)) .and. .not. structure%get(of_d(l)) > 0) call failure( &
+            error, 'd_'//to_text(l)//': found 0 for a derivative in time, expected a value above 0')
+      end do
    end subroutine check_causal
 
    !> Refuses spatial hysteresis, which couples all points of the beam, for a solver with band
