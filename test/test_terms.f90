@@ -59,8 +59,8 @@ program test_terms
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, of_a_h, of_b, of_b_h, of_c_R, of_eta, of_g, &
-      of_kappa_R, of_length, of_T, of_x_F, structure_t, x_H_at, x_M_at, x_S_at
+   use beamid_structure, only: at_tip, n_parameters, of_a_h, of_b, of_b_h, of_c_R, of_d, of_eta, &
+      of_g, of_kappa_R, of_length, of_T, of_x_F, structure_t, x_H_at, x_M_at, x_S_at
    use beamid_structure_checks, only: check_structure
    use beamid_terms, only: end_condition, of_compliance, of_damping, of_mass, operators, &
       operators_of, strengths, strengths_and_slopes, terms
@@ -109,6 +109,8 @@ contains
          if (.not. is_there(s, k)) cycle
          if (parameters(k)%range == on_beam) then
             call s%set(k, s%length*(0.2_wp + 0.75_wp*uniform()))
+         else if (any(k == [of_d, of_b])) then
+            call s%set(k, magnitude(s, k))
          else if (.not. (s%get(k) > 0)) then
             call s%set(k, magnitude(s, k)*decades(-spread, spread))
          end if

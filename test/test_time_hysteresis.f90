@@ -284,7 +284,7 @@ contains
          '&record t_first=0, t_last=1, t_step=0.001 /'//nl)
       outcome = beamid('simulate pulse.nml --out pulse')
       call check('fit: a motion', outcome%status == 0, outcome%err)
-      call check_answer('time', beam(6.9e10_wp, 0.04_wp, 500.0_wp)//pulse// &
+      call check_answer('time', beam(6.99e10_wp, 0.032_wp, 420.0_wp)//pulse// &
          '&record file=''pulse/response.csv'', time_column=''t'', '// &
          'value_column=''acceleration'' /'//nl//free)
    end subroutine test_fit

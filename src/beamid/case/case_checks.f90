@@ -235,17 +235,16 @@ contains
       !> Refuses a free parameter whose partner is 0 at the start of a stage.
       subroutine check_pair(k, free, partner)
          integer, intent(in) :: k, free, partner
-         character(len=:), allocatable :: found
+         character(len=:), allocatable :: found, name, other
 
          if (.not. any(case%stages(k)%free == free)) return
          if (start_of(case, k, partner) > 0) return
-         associate (name => trim(name_of_parameter(case%model%structure, free)), &
-            other => trim(name_of_parameter(case%model%structure, partner)))
-            found = ''''//name//''' beside '//other//' = 0, where it has no effect'
-            if (free == partner) found = ''''//name//''' from the start value 0'
-            call refuse(case%path, case%stage_lines(k), 'stage free', found, 'a start value of '// &
-               other//' above 0, in &'//trim(parameters(partner)%group)//' or in start', error)
-         end associate
+         name = trim(name_of_parameter(case%model%structure, free))
+         other = trim(name_of_parameter(case%model%structure, partner))
+         found = ''''//name//''' beside '//other//' = 0, where it has no effect'
+         if (free == partner) found = ''''//name//''' from the start value 0'
+         call refuse(case%path, case%stage_lines(k), 'stage free', found, 'a start value of '// &
+            other//' above 0, in &'//trim(parameters(partner)%group)//' or in start', error)
       end subroutine check_pair
 
    end subroutine check_modifiers
