@@ -13,8 +13,8 @@ program test_attachments
    use beamid_parameters, only: free_names, is_there, parameters
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: end_t, free_end, at_tip, of_c_R, of_E, of_eta, of_kappa_R, &
-      of_length, of_m_S, of_m_T, of_x_S, structure_t
+   use beamid_structure, only: at_tip, end_t, free_end, of_a_h, of_b, of_b_h, of_c_R, of_d, of_E, &
+      of_eta, of_kappa_R, of_length, of_m_S, of_m_T, of_x_S, structure_t
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, galerkin, prepare, relative
    use full_matrices, only: full_t, new_full
@@ -25,7 +25,8 @@ program test_attachments
    integer, parameter :: every = of_x_S
    integer :: i
    !> Numbers of all parameters; E takes the place of the loss factor, which is not defined in time.
-   integer, parameter :: all_in_time(every) = [(merge(of_E, i, i == of_eta), i=1, every)]
+   integer, parameter :: all_in_time(every) = [(merge(of_E, i, any(i == [of_eta, &
+      of_a_h, of_b_h, of_d, of_b])), i=1, every)]
    real(wp), parameter :: eps = epsilon(1.0_wp), pi = acos(-1.0_wp)
 
    interface
@@ -323,7 +324,7 @@ contains
                   ' vanish', all(abs(d_end(:, :, k)) <= 0))
                cycle
             end if
-            if (.not. is_there(e%structure, k) .or. k == of_eta) cycle
+            if (.not. is_there(e%structure, k) .or. all_in_time(k) /= k) cycle
             ! By default the sensor stays at the tip of a beam that grows.
             riding = d_end(:, 3, k)
             if (k == of_length) riding = riding + d_end(:, 3, of_x_S)

@@ -146,6 +146,17 @@ contains
       structure = bench(number)
       if (heavy) call load_axially(number, structure)
       if (modulo(number, 4) < 2) structure%eta = 0.02_wp*number
+      if (modulo(number, 5) < 2) then
+         structure%a_h = 0.1_wp*sqrt(structure%rho*structure%E*structure%I)
+         structure%b_h = 0.2_wp*(1 + modulo(number, 7))*structure%length
+      end if
+      if (modulo(number, 3) < 2) then
+         structure%d_1 = 0.05_wp*(1 + modulo(number, 7))
+         structure%b_1 = structure%omega()*modulo(number + 1, 4)
+         if (.not. structure%b_1 > 0) structure%d_1 = 0
+         structure%d_2 = 0.1_wp
+         structure%b_2 = 20*structure%omega()
+      end if
       frequencies = structure%omega()/two_pi*[0.3_wp, 0.9_wp, 1.7_wp, 4.3_wp, 11.0_wp, 25.0_wp]
       s = cmplx(0.02_wp*structure%omega(), two_pi*frequencies, wp)
       places = pack(parameters(:n_parameters)%place, is_there(structure, &

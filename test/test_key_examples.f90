@@ -20,8 +20,8 @@ program test_key_examples
 
    character(len=*), parameter :: nl = achar(10)
    !> Groups of a small case. An example replaces the group of the same name.
-   character(len=*), parameter :: small_case(*) = [character(len=60) :: &
-      '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, c_D=2e6 /', &
+   character(len=*), parameter :: small_case(*) = [character(len=86) :: &
+      '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, c_D=2e6, b_h=0.1, b_1=60, b_2=600 /', &
       '&hose m_H=0.004, k_H=5 /', '&sensor name=''tip'', x_S=0.44 /', &
       '&support x_P=0.3, k_P=200 /', &
       '&gravity g=9.81 /', '&axial force=-0.2 /', &
@@ -98,7 +98,8 @@ contains
 
       needs_unit = key%kind == kind_real .and. all(group//' '//trim(key%name) /= &
          [character(len=22) :: 'along depth', 'excitation power', 'integrator rtol', &
-         'beam eta', 'multistart spread', 'design target', 'record coherence_least'])
+         'beam eta', 'beam d_1', 'beam d_2', 'multistart spread', 'design target', &
+         'record coherence_least'])
    end function needs_unit
 
    !> Every parameter that a fit may estimate; those of a dip or of a table need them in the case.

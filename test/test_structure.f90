@@ -318,6 +318,12 @@ contains
          case ('g'); direct = s%g
          case ('T'); direct = s%T
          case ('eta'); direct = s%eta
+         case ('a_h'); direct = s%a_h
+         case ('b_h'); direct = s%b_h
+         case ('d_1'); direct = s%d_1
+         case ('b_1'); direct = s%b_1
+         case ('d_2'); direct = s%d_2
+         case ('b_2'); direct = s%b_2
          case ('place'); direct = s%x_D
          case ('width'); direct = s%w_D
          case ('depth'); direct = s%d_D

@@ -59,8 +59,8 @@ program test_terms
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, of_c_R, of_eta, of_g, of_kappa_R, &
-      of_length, of_T, of_x_F, structure_t, x_H_at, x_M_at, x_S_at
+   use beamid_structure, only: at_tip, n_parameters, of_a_h, of_b, of_b_h, of_c_R, of_d, of_eta, &
+      of_g, of_kappa_R, of_length, of_T, of_x_F, structure_t, x_H_at, x_M_at, x_S_at
    use beamid_structure_checks, only: check_structure
    use beamid_terms, only: end_condition, of_compliance, of_damping, of_mass, operators, &
       operators_of, strengths, strengths_and_slopes, terms
@@ -109,6 +109,8 @@ contains
          if (.not. is_there(s, k)) cycle
          if (parameters(k)%range == on_beam) then
             call s%set(k, s%length*(0.2_wp + 0.75_wp*uniform()))
+         else if (any(k == [of_d, of_b])) then
+            call s%set(k, magnitude(s, k))
          else if (.not. (s%get(k) > 0)) then
             call s%set(k, magnitude(s, k)*decades(-spread, spread))
          end if
@@ -154,7 +156,9 @@ contains
          call check(name//': one name', count(name_of_parameter(s, parameters%place) == name .and. &
             is_there(s, parameters%place)) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
+            .or. any(abs(assembly%change(:, :, k)) > 0) &
             .or. any(abs(assembly%moves(:, k)) > 0) &
+            .or. any(abs(assembly%dense_slope(:, :, :, k)) > 0) &
             .or. any(abs(assembly%load_remainder_slope(:, k)) > 0))
          wrong = s
          call wrong%set(k, -1.5_wp)
@@ -164,9 +168,9 @@ contains
          if (parameters(k)%range /= positive .and. parameters(k)%range /= not_negative) cycle
          call wrong%set(k, 0.0_wp)
          call check_structure(wrong, error)
-         ! A rigid spring has no damper beside it.
+         ! A rigid spring has no damper beside it, and a range of 0 no hysteresis.
          call check(name//': 0', allocated(error) .eqv. (parameters(k)%range == positive .or. &
-            parameters(k)%is_reciprocal))
+            parameters(k)%is_reciprocal .or. all(parameters(k)%modifies /= [0, k])))
       end do
    end subroutine test_rows
 
@@ -204,7 +208,8 @@ contains
          call below%set(k, s%get(k) - h)
          exact = strength_slopes(s, 1.7_wp*s%length, k)
          approximate = (strengths(above, 1.7_wp*s%length) - strengths(below, 1.7_wp*s%length))/(2*h)
-         if (parameters(k)%range == on_beam) cycle
+         ! It moves an operator or changes a rate, and the strength does not depend on it.
+         if (any(operators%place == k) .or. any(of_b == k)) cycle
          call check_close('strengths, d/d '//trim(parameters(k)%name), maxval(abs(exact &
             - approximate))/maxval(abs(exact)), 0.0_wp, 3e-7_wp)
       end do
@@ -296,8 +301,10 @@ contains
       s = random_structure(1.0_wp)
       if (.not. heavy) s%g = 0
       if (.not. heavy) s%T = 0
+      if (.not. heavy) s%a_h = 0
+      if (.not. heavy) s%b_h = 0
       places = pack(parameters(:n_parameters)%place, is_there(s, parameters(:n_parameters)%place) &
-         .and. (heavy .or. [(all([of_g, of_T] /= k), k=1, n_parameters)]))
+         .and. (heavy .or. [(all([of_g, of_T, of_a_h, of_b_h] /= k), k=1, n_parameters)]))
       ! A loss factor is not defined in time.
       s%eta = 0
       places = pack(places, places /= of_eta)

@@ -493,7 +493,8 @@ class Problem:
     beam : mapping
         `length` [length], `E` [force/length²], `c_D` [force time/length²], `rho` [mass/length] or
         `density` [mass/length³], `I` [length⁴] or `width` and `height` [length], `gamma`
-        [force time/length²], `k_R` [force length], `c_R` [force length time].
+        [force time/length²], `a_h` [force time], `b_h` [length], `d_1`, `d_2`, `b_1`, `b_2`
+        [1/time], `k_R` [force length], `c_R` [force length time].
     tip : mapping, optional
         Mass at the tip: `m_T` [mass], `J_T` [mass length²].
     mass : mapping or sequence of mappings, optional

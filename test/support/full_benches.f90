@@ -31,17 +31,28 @@ contains
       real(wp), intent(in) :: step, f(:)
       real(qp), intent(out) :: values(:, :)
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
-         growth(:, :), x(:), held(:, :), tilt(:), rides(:)
-      integer :: i, n
+         growth(:, :), x(:), held(:, :), tilt(:), rides(:), bent(:, :)
+      real(qp) :: d(2), b(2)
+      integer :: i, j, l, n
 
       n = galerkin%space%n + count(structure%has_hose())
-      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), &
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(4*n + 4, 4*n + 4), x(4*n + 4), &
          source=0.0_qp)
       call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held, rides)
+      bent = bending_of(galerkin, structure, n)
+      d = [structure%d_1, structure%d_2]
+      b = [structure%b_1, structure%b_2]
       do i = 1, n
          a(i, n + i) = 1
          a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0*rides)
          a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0*rides)
+         do l = 1, 2
+            ! z' = u' - b z, with the force d K_E z
+            j = 2*n + 4 + (l - 1)*n + i
+            a(n + 1:2*n, j) = accelerations(M, held, -d(l)*bent(:, i), 0*rides)
+            a(j, n + i) = 1
+            a(j, j) = -b(l)
+         end do
       end do
       ! f and its slope; velocity and displacement of the base.
       a(n + 1:2*n, 2*n + 1) = accelerations(M, held, loads(:, 1), merge(-rides, 0*rides, is_base))
@@ -63,8 +74,9 @@ contains
    end subroutine bench_motion
 
    !> Displacement of the sensor per unit force, and its reading of gravity, at places in the
-   !> complex plane above the real axis: (s**2 M + s C + K + i eta K_E) q = F by elimination, where
-   !> K_E is the part of K that is due to E, with the forces of rigid supports.
+   !> complex plane above the real axis: (s**2 M + s C + K + (i eta + sum of d s/(s + b)) K_E) q = F
+   !> by elimination, where K_E is the part of K that is due to E, with the forces of rigid
+   !> supports.
    !>
    !> structure, near  as in `bench_motion`
    !> s                (points) [1/time]
@@ -88,9 +100,9 @@ contains
          z = cmplx(s(i), kind=qp)
          full = 0
          full(:n, :n) = (z*M + C)*z + K
-         full(:galerkin%space%n, :galerkin%space%n) = full(:galerkin%space%n, :galerkin%space%n) &
-            + cmplx(0, structure%eta, qp)*structure%E*structure%I*(galerkin%space%length &
-            /real(structure%length, qp))**3*dense_of(galerkin%bending)
+         full(:n, :n) = full(:n, :n) + (cmplx(0, structure%eta, qp) + structure%d_1*z/(z &
+            + max(structure%b_1, tiny(1.0_wp))) + structure%d_2*z/(z + max(structure%b_2, &
+            tiny(1.0_wp))))*bending_of(galerkin, structure, n)
          full(:n, n + 1:) = held
          full(n + 1:, :n) = transpose(held)
          x = 0
@@ -99,6 +111,18 @@ contains
          h(i, :) = [sum(o*x(:n)), sum(tilt*x(:n))]
       end do
    end subroutine bench_transfer
+
+   !> The part of K that is due to E, (n, n).
+   function bending_of(galerkin, s, n) result(bent)
+      type(galerkin_t), intent(in) :: galerkin
+      type(structure_t), intent(in) :: s
+      integer, intent(in) :: n
+      real(qp) :: bent(n, n)
+
+      bent = 0
+      bent(:galerkin%space%n, :galerkin%space%n) = real(s%E, qp)*s%I*(galerkin%space%length &
+         /real(s%length, qp))**3*dense_of(galerkin%bending)
+   end function bending_of
 
    !> M**-1 force, where what is held has an acceleration that is known.
    function accelerations(M, held, force, known) result(a)
@@ -150,6 +174,7 @@ contains
          K = K + 1/real(s%end(1)%kappa_R, qp)*square(at(0.0_qp, 0.0_wp, 1)/longer)
          C = C + s%end(1)%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
       end if
+      if (s%a_h > 0) call add_hysteresis()
       h = n
       do i = 1, max(1, s%hoses)
          if (.not. s%hose(i)%m_H > 0) cycle
@@ -210,6 +235,39 @@ contains
       tilt = g*point(x_S_at(s%observer), 1)/longer
 
    contains
+
+      !> Adds spatial hysteresis to C as it is defined: half the double integral of the kernel times
+      !> the differences of two slopes, by 14 Gauss points on each element. Where b is a fifth of
+      !> the length or more, they leave round-off.
+      subroutine add_hysteresis()
+         real(qp), parameter :: pi = acos(-1.0_qp)
+         type(rule_t) :: rule
+         real(qp), allocatable :: slope(:, :), kernel(:, :), x(:), weight(:)
+         real(qp) :: b
+         integer :: e, j, q
+
+         rule = gauss_legendre(14)
+         associate (space => galerkin%space)
+            x = [(space%ends(e) + (real(space%ends(e + 1), qp) - space%ends(e))*rule%points, &
+               e=0, space%elements - 1)]
+            weight = [((real(space%ends(e + 1), qp) - space%ends(e))*rule%weights, &
+               e=0, space%elements - 1)]
+         end associate
+         allocate (slope(size(x), size(M, 1)), kernel(size(x), size(x)))
+         b = s%b_h/longer
+         do q = 1, size(x)
+            slope(q, :) = at(x(q), real(x(q), wp), 1)
+            do j = 1, size(x)
+               kernel(q, j) = weight(q)*weight(j)*exp(-((x(q) - x(j))/b)**2/2)/(b*sqrt(2*pi))
+            end do
+         end do
+         kernel = -kernel
+         do q = 1, size(x)
+            kernel(q, q) = 0
+            kernel(q, q) = -sum(kernel(q, :))
+         end do
+         C = C + s%a_h/longer*matmul(transpose(slope), matmul(kernel, slope))
+      end subroutine add_hysteresis
 
       !> Adds the integral of (a + b (l - x)) b_i' b_j' from the root to x, by way of x0 near by.
       subroutine pull(x0, x, a, b)

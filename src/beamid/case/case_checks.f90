@@ -14,7 +14,8 @@ module beamid_case_checks
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_eta, of_g, of_T, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, n_parameters, of_a_h, of_eta, of_g, of_T, &
+      of_x_F, structure_t
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -46,6 +47,7 @@ contains
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
       call check_loss(case, error)
+      call check_coupled(case, error)
       if (allocated(error)) return
       if (needs == needs_response) then
          call check_response(case, error)
@@ -55,6 +57,7 @@ contains
          return
       end if
       call check_kinds(case, error)
+      call check_modifiers(case, error)
       do k = 1, size(case%recordings)
          if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
             case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
@@ -103,14 +106,15 @@ contains
       if (needs == needs_response .and. .not. is_exact(case%model%solver)) return
       repeats = merge(2, 1, needs == needs_fit)
       associate (s => case%model%structure, found => maxval(case%meshes%elements))
-         coupled = abs(s%g) + abs(s%T) > 0 .or. s%variations%are_known() .or. s%has_dip() .or. &
-            any([(any(is_coefficient(case%stages(k)%free) .or. case%stages(k)%free == of_g .or. &
-            case%stages(k)%free == of_T), k=1, size(case%stages))])
+         coupled = abs(s%g) + abs(s%T) > 0 .or. s%a_h > 0 .or. s%variations%are_known() .or. &
+            s%has_dip() .or. any([(any(is_coefficient(case%stages(k)%free) .or. &
+            case%stages(k)%free == of_g .or. case%stages(k)%free == of_T .or. &
+            case%stages(k)%free == of_a_h), k=1, size(case%stages))])
          limit = merge(most_coupled, most, coupled)/repeats
          reason = ''
          if (repeats > 1) reason = ' in a fit'
          if (coupled) reason = reason// &
-            ' with gravity, an axial force or &along, which couple all modes'
+            ' with gravity, an axial force, a_h or &along, which couple all modes'
          if (needs == needs_response) reason = reason//' (or &integrator method=''cvode'')'
          if (found > limit) call refuse(case%path, 0, 'discretization elements', to_text(found), &
             'at most '//to_text(limit)//reason, error)
@@ -198,6 +202,71 @@ contains
       if (any(case%draws%parameter == of_eta)) call refuse(case%path, 0, 'draw parameter', &
          '''eta'' beside a record in time', expected, error)
    end subroutine check_loss
+
+   !> Refuses spatial hysteresis with cvode, whose matrices are banded.
+   subroutine check_coupled(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      integer :: k
+
+      if (is_exact(case%model%solver)) return
+      if (case%model%structure%a_h > 0 .or. any(case%draws%parameter == of_a_h) .or. &
+         any([(any(case%stages(k)%free == of_a_h), k=1, size(case%stages))])) &
+         call refuse(case%path, 0, 'integrator method', '''cvode'' beside a_h', '''modal'': '// &
+         'spatial hysteresis couples all points of the beam', error)
+   end subroutine check_coupled
+
+   !> Refuses free parameters that have no effect at the start values of their stage, because
+   !> another parameter is 0 there: b_h beside a_h = 0, or a_h beside b_h = 0. The strength of a
+   !> relaxation is refused at 0 itself, where the relaxation has no root.
+   subroutine check_modifiers(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      integer :: k, p, strength
+
+      do p = 1, n_parameters
+         strength = parameters(p)%modifies
+         if (strength == 0) cycle
+         do k = 1, size(case%stages)
+            call check_pair(k, p, strength)
+            if (strength /= p) call check_pair(k, strength, p)
+         end do
+      end do
+
+   contains
+
+      !> Refuses a free parameter whose partner is 0 at the start of a stage.
+      subroutine check_pair(k, free, partner)
+         integer, intent(in) :: k, free, partner
+         character(len=:), allocatable :: found, name, other
+
+         if (.not. any(case%stages(k)%free == free)) return
+         if (start_of(case, k, partner) > 0) return
+         name = trim(name_of_parameter(case%model%structure, free))
+         other = trim(name_of_parameter(case%model%structure, partner))
+         found = ''''//name//''' beside '//other//' = 0, where it has no effect'
+         if (free == partner) found = ''''//name//''' from the start value 0'
+         call refuse(case%path, case%stage_lines(k), 'stage free', found, 'a start value of '// &
+            other//' above 0, in &'//trim(parameters(partner)%group)//' or in start', error)
+      end subroutine check_pair
+
+   end subroutine check_modifiers
+
+   !> Returns the value of a parameter at the start of a stage: that of the case, of this stage or
+   !> of an earlier one; `huge` if an earlier stage estimates it from there.
+   pure real(wp) function start_of(case, stage, parameter) result(value)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: stage, parameter
+      integer :: j, k
+
+      value = case%model%structure%get(parameter)
+      do k = 1, stage
+         j = findloc(case%stages(k)%free, parameter, dim=1)
+         if (j == 0) cycle
+         if (allocated(case%stages(k)%start)) value = case%stages(k)%start(j)
+         if (k < stage .and. value > 0) value = huge(value)
+      end do
+   end function start_of
 
    !> Refuses free parameters that only a record in time depends on, beside other records alone.
    subroutine check_kinds(case, error)

@@ -50,6 +50,12 @@ module beamid_key_examples
       key_example_t('beam', 'rho', beam), &
       key_example_t('beam', 'gamma', beam//', gamma=0.05'), &
       key_example_t('beam', 'eta', beam//', eta=0.01'), &
+      key_example_t('beam', 'a_h', beam//', a_h=0.05, b_h=0.05'), &
+      key_example_t('beam', 'b_h', beam//', a_h=0.05, b_h=0.05'), &
+      key_example_t('beam', 'd_1', beam//', d_1=0.05, b_1=60'), &
+      key_example_t('beam', 'b_1', beam//', d_1=0.05, b_1=60'), &
+      key_example_t('beam', 'd_2', beam//', d_2=0.05, b_2=600'), &
+      key_example_t('beam', 'b_2', beam//', d_2=0.05, b_2=600'), &
       key_example_t('beam', 'k_R', beam//', k_R=50'), &
       key_example_t('beam', 'c_R', beam//', k_R=50, c_R=0.01'), &
       key_example_t('beam', 'length', beam), &

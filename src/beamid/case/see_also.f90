@@ -75,6 +75,12 @@ module beamid_see_also
       related_t('beam', 'c_D', 'gamma coefficients along'), &
       related_t('beam', 'gamma', 'c_D'), &
       related_t('beam', 'eta', 'c_D kind'), &
+      related_t('beam', 'a_h', 'b_h c_D'), &
+      related_t('beam', 'b_h', 'a_h'), &
+      related_t('beam', 'd_1', 'b_1 c_D eta'), &
+      related_t('beam', 'b_1', 'd_1'), &
+      related_t('beam', 'd_2', 'b_2 d_1'), &
+      related_t('beam', 'b_2', 'd_2 b_1'), &
       related_t('beam', 'k_R', 'c_R end support'), &
       related_t('beam', 'c_R', 'k_R end'), &
       related_t('end', 'k_w', 'c_w kind'), &

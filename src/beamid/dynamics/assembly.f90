@@ -17,26 +17,37 @@
 !> D_i = m_i s**2 + c_i s + k_i + i l_i. This holds for Im s > 0; for Im s < 0 the sign of L is the
 !> opposite one.
 !>
-!> Terms that couple all oscillators of the beam (axial force, weight, properties that vary along
-!> the beam) are kept apart in a full matrix E(s), the component `dense`.
+!> Time hysteresis adds r_il s/(s + b_l) to D_i for each relaxation l: D_i is then a quotient, with
+!> a real pole in each interval of `beamid_relaxations` beside the two poles of an oscillator.
+!>
+!> Terms that couple all oscillators of the beam (axial force, weight, spatial hysteresis,
+!> properties that vary along the beam) are kept apart in a full matrix E(s), the component `dense`.
 !>
 !> A hose can be described in two ways. With the coordinate y, c_H s + k_H couples the hose with its
 !> point of the beam; with y - u(x_H), m_H s**2 couples them instead. D(s) is the same. The smaller
 !> coupling loses fewer digits, so `form_at` chooses for each hose at a given s. The choices are the
 !> bits of an integer, the form: bit h - 1 is set if hose h is described by y - u(x_H).
 module beamid_assembly
+   use beamid_hysteresis, only: hysteresis_products
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
-   use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, inertia, &
-      is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, of_damping, of_load, &
-      of_loss, of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, &
-      sensor_value, strengths_and_slopes, stretch, tip_slope, tip_value, weight
+   use beamid_relaxations, only: new_relaxation, relaxation_t
+   use beamid_structure, only: is_coefficient, of_b, of_g, of_length, structure_t
+   use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, hysteresis, &
+      inertia, is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, &
+      of_damping, of_load, of_loss, of_mass, of_relaxation, of_stiffness, operators, &
+      operators_of, place_on_mesh, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
+      tip_slope, tip_value, weight
    implicit none
    private
 
-   public :: assembly_t, new_assembly, quadratic, load_t
+   public :: assembly_t, new_assembly, quadratic, load_t, relaxed_parts
+
+   !> Rows of `change`: slopes of the coefficients in M, C, K, L and in the relaxing stiffness of
+   !> each relaxation, and coefficients of the stiffness whose rate changes.
+   integer, parameter :: of_rate(2) = of_relaxation + size(of_relaxation), &
+      changes = of_rate(size(of_rate))
 
    !> Coefficients of the polynomials D(s) and H(s); H without the couplings of the hoses.
    type :: pencil_t
@@ -75,8 +86,8 @@ module beamid_assembly
       integer :: beam = 0   !< number of modes of the bare beam; these oscillators come first
       type(pencil_t) :: pencil      !< D and H
       type(hose_row_t), allocatable :: hose(:)   !< (hoses) the hoses
-      !> (beam, beam, 3) E in C, K and L, and (beam, beam, 3, parameters) its slopes; not allocated:
-      !> no term couples all oscillators
+      !> (beam, beam, 5) E in C, K, L and the relaxing stiffnesses, and (beam, beam, 5, parameters)
+      !> its slopes; not allocated: no term couples all oscillators
       real(wp), allocatable :: dense(:, :, :), dense_slope(:, :, :, :)
       real(wp), allocatable :: v(:, :)         !< (r, n) V; column i belongs to oscillator i
       !> (n, r) transpose of V, and (n, r (r + 1)/2) products of its rows k <= l, in the column with
@@ -108,11 +119,19 @@ module beamid_assembly
       real(wp), allocatable :: base_coupling(:)
       !> whether velocity or displacement of the base load the structure, besides its acceleration
       logical :: feels_base = .false.
-      complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
+      !> (n, 2 + relaxations) roots of D_i; without meaning for relaxations of an oscillator that
+      !> has none [1/time]
+      complex(wp), allocatable :: pole(:, :)
+      type(relaxation_t) :: relaxation         !< the relaxations of the modulus
+      real(wp) :: rates(2) = 0                 !< b_1 and b_2 of the structure [1/time]
+      !> (n, relaxations) stiffness r that relaxes
+      real(wp), allocatable :: relaxed(:, :)
+      !> (n, relaxations) distances of the real poles from the point of accumulation and from -b
+      real(wp), allocatable :: creep(:, :), rise(:, :)
       integer, allocatable :: parameters(:)    !< numbers of the parameters of the slopes
-      !> operators of M, C, K and L that depend on a parameter
+      !> operators of M, C, K, L and the relaxing stiffnesses that depend on a parameter
       integer, allocatable :: changing(:)
-      !> (4, changing, parameters) slopes of their coefficients in M, C, K and L
+      !> (changes, changing, parameters) slopes of their coefficients
       real(wp), allocatable :: change(:, :, :)
       !> (changing, parameters) whether any of these slopes is not 0
       logical, allocatable :: acts(:, :)
@@ -134,7 +153,7 @@ module beamid_assembly
       procedure :: is_dense, form_at, distance_from_accumulation, is_bare, is_undamped, roots, &
          load_at, load_rows, couplings, coupling, mass_couplings, products
       procedure :: set_loss, traces, system_derivative, system_derivative_by_s, dense_products, &
-         full_matrices, load_change
+         dense_at, dense_slope_at, second_derivative, full_matrices, load_change, relaxes
    end type assembly_t
 
    !> A pair of roots this many times above all poles of the oscillators has no influence on the
@@ -188,19 +207,58 @@ contains
       call set_rows(self, modes, needed)
       self%mu = modes%mu
       self%pencil = new_pencil(self, modes)
+      used(bending) = used(bending) .or. any([(any(parameters == of_b(i)), i=1, size(of_b))])
       used = used .and. (operators(:size(used))%derivative < 0 .or. self%row > 0)
       self%changing = pack([(i, i=1, size(used))], used)
-      allocate (self%change(of_loss, size(self%changing), size(parameters)))
-      do p = 1, size(parameters)
-         self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_loss, p))
-      end do
+      call set_change(self, slopes)
       call set_load(self, modes, slopes, applied)
-      allocate (self%pole(self%n, 2))
+      call set_relaxations(self)
       call set_poles(self)
       call set_springs(self, modes, slopes)
       self%acts = any(abs(self%change) > 0, dim=1)
       call set_dense(self, modes, slopes, whole)
    end function new_assembly
+
+   !> Sets the slopes of the coefficients of the operators in `changing`.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   subroutine set_change(self, slopes)
+      type(assembly_t), intent(inout) :: self
+      real(wp), intent(in) :: slopes(:, :, :)
+      integer :: i, l, p
+
+      allocate (self%change(changes, size(self%changing), size(self%parameters)), source=0.0_wp)
+      i = findloc(self%changing, bending, dim=1)
+      do p = 1, size(self%parameters)
+         self%change(:of_relaxation(2), :, p) = transpose(slopes(self%changing, &
+            of_mass:of_relaxation(2), p))
+         do l = 1, size(of_b)
+            if (self%parameters(p) == of_b(l)) self%change(of_rate(l), i, p) = &
+               self%strength(bending, of_relaxation(l))
+         end do
+      end do
+   end subroutine set_change
+
+   !> Sets the relaxations of the oscillators.
+   subroutine set_relaxations(self)
+      type(assembly_t), intent(inout) :: self
+      real(wp) :: strength(2)
+      integer :: l
+
+      associate (s => self%strength(bending, :), structure => self%structure)
+         self%rates = [structure%b_1, structure%b_2]
+         strength = [structure%d_1, structure%d_2]
+         if (.not. s(of_stiffness) > 0) strength = 0
+         self%relaxation = new_relaxation(strength, self%rates, &
+            s(of_damping)/max(s(of_stiffness), tiny(1.0_wp)))
+         allocate (self%relaxed(self%n, self%relaxation%n), source=0.0_wp)
+         do l = 1, self%relaxation%n
+            self%relaxed(:self%beam, l) = self%relaxation%strength(l)*s(of_stiffness)*self%mu
+         end do
+         allocate (self%creep, self%rise, mold=self%relaxed)
+         allocate (self%pole(self%n, 2 + self%relaxation%n))
+      end associate
+   end subroutine set_relaxations
 
    !> Numbers the oscillators and the rows of V, and sets V.
    !>
@@ -412,7 +470,7 @@ contains
       real(wp), intent(in) :: slopes(:, :, :)
       logical, intent(in), optional :: whole
       real(wp), allocatable :: mode_slope(:)
-      logical :: needed, pull(size(self%row))
+      logical :: needed, lags, pull(size(self%row))
       integer :: j, k
 
       do j = 1, size(pull)
@@ -420,11 +478,13 @@ contains
          if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
             any(abs(slopes(j, of_stiffness, :)) > 0)
       end do
-      needed = allocated(modes%damping_remainder) .or. has_field(self) .or. any(pull)
+      lags = abs(self%strength(hysteresis, of_damping)) > 0 .or. &
+         any(abs(slopes(hysteresis, of_damping, :)) > 0)
+      needed = allocated(modes%damping_remainder) .or. has_field(self) .or. lags .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
-      allocate (self%dense(self%beam, self%beam, 3), &
-         self%dense_slope(self%beam, self%beam, 3, size(self%parameters)), source=0.0_wp)
+      allocate (self%dense(self%beam, self%beam, 5), &
+         self%dense_slope(self%beam, self%beam, 5, size(self%parameters)), source=0.0_wp)
       if (allocated(modes%damping_remainder)) then
          do j = 1, 2
             k = merge(inertia, bending, j == 1)
@@ -433,6 +493,7 @@ contains
          end do
       end if
       if (has_field(self)) call add_field_bending(self, modes, slopes)
+      if (lags) call add_hysteresis(self, modes, slopes)
       if (.not. any(pull)) return
       do k = 1, size(pull)
          if (.not. pull(k)) cycle
@@ -449,7 +510,7 @@ contains
 
    !> Adds a matrix to E, and to the slopes of E.
    !>
-   !> j       1: to E in C, 2: in K, 3: in L
+   !> j       1: to E in C, 2: in K, 3: in L, 4 and 5: in the relaxing stiffnesses
    !> matrix  (beam, beam)
    !> s, s_p  coefficient of the matrix, and (parameters) its slopes
    pure subroutine add_dense(self, j, matrix, s, s_p)
@@ -464,6 +525,23 @@ contains
             + s_p(p)*matrix
       end do
    end subroutine add_dense
+
+   !> Adds spatial hysteresis to E and its slopes.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   subroutine add_hysteresis(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      real(wp), dimension(self%beam, self%beam) :: products, by_range
+
+      associate (s => self%strength(hysteresis, of_damping))
+         call hysteresis_products(modes, place_on_mesh(hysteresis, self%structure, &
+            modes%space%length), products, by_range)
+         call add_dense(self, 1, products, s, slopes(hysteresis, of_damping, :))
+         call add_dense(self, 1, by_range, 0.0_wp, s*position_slopes(self, modes, hysteresis))
+      end associate
+   end subroutine add_hysteresis
 
    !> Returns whether E(x) or c_D(x) depends on parameters: on those of the structure, or on a
    !> parameter of the slopes.
@@ -481,12 +559,13 @@ contains
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
-      integer, parameter :: matrix(3) = [of_damping, of_stiffness, of_loss]
+      integer, parameter :: matrix(5) = [of_damping, of_stiffness, of_loss, of_relaxation]
       real(wp) :: factor(size(modes%bent), 2)
       real(wp) :: slope(2, size(self%parameters), size(modes%bent))
       integer :: j, k, p, q
 
-      ! The functions return stiffness first, which the loss follows, and viscosity second.
+      ! The functions return stiffness first, which loss and relaxations follow, and viscosity
+      ! second.
       do q = 1, size(modes%bent)
          factor(q, :) = self%structure%factors(modes%bent(q)) - 1
          slope(:, :, q) = self%structure%factor_slopes(modes%bent(q), self%parameters)
@@ -732,18 +811,72 @@ contains
 
    end subroutine traces
 
-   !> Returns the sum of s**2 M_p + s C_p + K_p + i L_p over the operators: z'Q_p x or tr Q**-1 Q_p.
+   !> Returns the factors of the rows of `change` in Q at a point.
    !>
-   !> q  (changing) from `products` or `traces`
-   !> s  [1/time]
-   !> p  index among the parameters of the slopes
-   pure complex(wp) function system_derivative(self, q, s, p) result(value)
+   !> s     [1/time]
+   !> past  (2) s + b_1 and s + b_2 [1/time]
+   !> f     (changes) factors
+   !> df    (changes) their derivatives with respect to s
+   pure subroutine change_factors(s, past, rates, f, df)
+      complex(wp), intent(in) :: s, past(2)
+      real(wp), intent(in) :: rates(2)
+      complex(wp), intent(out) :: f(changes), df(changes)
+      integer :: l
+
+      f(:of_loss) = [s**2, s, (1.0_wp, 0.0_wp), (0.0_wp, 1.0_wp)]
+      df(:of_loss) = [2*s, (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
+      f(of_loss + 1:) = 0
+      df(of_loss + 1:) = 0
+      do l = 1, size(rates)
+         if (.not. rates(l) > 0) cycle
+         f(of_relaxation(l)) = s/past(l)
+         df(of_relaxation(l)) = rates(l)/past(l)**2
+         f(of_rate(l)) = -s/past(l)**2
+         df(of_rate(l)) = (s - rates(l))/past(l)**3
+      end do
+   end subroutine change_factors
+
+   !> Returns the factors of the relaxing stiffnesses at a point, s/(s + b), and their first two
+   !> derivatives with respect to s.
+   !>
+   !> s      [1/time]
+   !> past   (2) s + b_1 and s + b_2 [1/time]
+   !> parts  (0:2, 2) derivatives of each order; 0 for a relaxation without a rate
+   pure function relaxed_parts(s, past, rates) result(parts)
+      complex(wp), intent(in) :: s, past(2)
+      real(wp), intent(in) :: rates(2)
+      complex(wp) :: parts(0:2, 2)
+      integer :: l
+
+      parts = 0
+      do l = 1, size(rates)
+         if (.not. rates(l) > 0) cycle
+         parts(:, l) = [s/past(l), rates(l)/past(l)**2, -2*rates(l)/past(l)**3]
+      end do
+   end function relaxed_parts
+
+   !> Returns the sum of s**2 M_p + s C_p + K_p + i L_p and the relaxing stiffnesses over the
+   !> operators: z'Q_p x or tr Q**-1 Q_p.
+   !>
+   !> q     (changing) from `products` or `traces`
+   !> s     [1/time]
+   !> past  (2) s + b_1 and s + b_2 [1/time]
+   !> p     index among the parameters of the slopes
+   pure complex(wp) function system_derivative(self, q, s, past, p) result(value)
       class(assembly_t), intent(in) :: self
-      complex(wp), intent(in) :: q(:), s
+      complex(wp), intent(in) :: q(:), s, past(2)
       integer, intent(in) :: p
+      complex(wp) :: f(changes), df(changes)
       integer :: i
 
       value = 0
+      if (any(self%rates > 0)) then
+         call change_factors(s, past, self%rates, f, df)
+         do i = 1, size(q)
+            if (self%acts(i, p)) value = value + sum(self%change(:, i, p)*f)*q(i)
+         end do
+         return
+      end if
       do i = 1, size(q)
          if (.not. self%acts(i, p)) cycle
          value = value + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
@@ -751,42 +884,138 @@ contains
       end do
    end function system_derivative
 
-   !> Returns the sum of 2 s M_p + C_p over the operators; arguments as in `system_derivative`.
-   pure complex(wp) function system_derivative_by_s(self, q, s, p) result(value)
+   !> Returns the derivative of `system_derivative` with respect to s at constant q; arguments as
+   !> there.
+   pure complex(wp) function system_derivative_by_s(self, q, s, past, p) result(value)
       class(assembly_t), intent(in) :: self
-      complex(wp), intent(in) :: q(:), s
+      complex(wp), intent(in) :: q(:), s, past(2)
       integer, intent(in) :: p
+      complex(wp) :: f(changes), df(changes)
       integer :: i
 
       value = 0
+      if (any(self%rates > 0)) then
+         call change_factors(s, past, self%rates, f, df)
+         do i = 1, size(q)
+            if (self%acts(i, p)) value = value + sum(self%change(:, i, p)*df)*q(i)
+         end do
+         return
+      end if
       do i = 1, size(q)
          if (.not. self%acts(i, p)) cycle
          value = value + (2*self%change(1, i, p)*s + self%change(2, i, p))*q(i)
       end do
    end function system_derivative_by_s
 
-   !> Returns z'E_p x for the matrices of E in C and K + i L; 0 if the assembly is not dense.
+   !> Returns E at a point, or a derivative with respect to s, (beam, beam).
    !>
-   !> x, z  (n) two motions of the oscillators
-   !> p     index among the parameters of the slopes
-   pure function dense_products(self, x, z, p) result(q)
+   !> s      [1/time]
+   !> past   (2) s + b_1 and s + b_2 [1/time]
+   !> order  order of the derivative, 0 to 2
+   pure function dense_at(self, s, past, order) result(E)
       class(assembly_t), intent(in) :: self
-      complex(wp), intent(in) :: x(:), z(:)
+      complex(wp), intent(in) :: s, past(2)
+      integer, intent(in) :: order
+      complex(wp) :: E(self%beam, self%beam), parts(0:2, 2)
+      integer :: l
+
+      select case (order)
+      case (0)
+         E = self%dense(:, :, 1)*s + cmplx(self%dense(:, :, 2), self%dense(:, :, 3), wp)
+      case (1)
+         E = self%dense(:, :, 1)
+      case default
+         E = 0
+      end select
+      if (.not. any(self%rates > 0)) return
+      parts = relaxed_parts(s, past, self%rates)
+      do l = 1, size(past)
+         if (any(abs(self%dense(:, :, 3 + l)) > 0)) E = E + parts(order, l)*self%dense(:, :, 3 + l)
+      end do
+   end function dense_at
+
+   !> Returns the derivative of E with respect to a parameter at a point, or its derivative with
+   !> respect to s, (beam, beam).
+   !>
+   !> s, past  as of `dense_at`
+   !> p        index among the parameters of the slopes
+   !> order    order of the derivative with respect to s, 0 or 1
+   pure function dense_slope_at(self, s, past, p, order) result(E)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: s, past(2)
+      integer, intent(in) :: p, order
+      complex(wp) :: E(self%beam, self%beam), parts(0:2, 2)
+      integer :: l
+
+      associate (slope => self%dense_slope(:, :, :, p))
+         E = slope(:, :, 1)
+         if (order == 0) E = slope(:, :, 1)*s + cmplx(slope(:, :, 2), slope(:, :, 3), wp)
+         if (.not. any(self%rates > 0)) return
+         parts = relaxed_parts(s, past, self%rates)
+         do l = 1, size(past)
+            E = E + parts(order, l)*slope(:, :, 3 + l)
+            if (self%parameters(p) /= of_b(l)) cycle
+            if (order == 0) E = E - s/past(l)**2*self%dense(:, :, 3 + l)
+            if (order == 1) E = E + (s - self%rates(l))/past(l)**3*self%dense(:, :, 3 + l)
+         end do
+      end associate
+   end function dense_slope_at
+
+   !> Returns z'E_p x at a point and its derivative with respect to s; 0 if the assembly is not
+   !> dense.
+   !>
+   !> x, z     (n) two motions of the oscillators
+   !> s, past  as of `dense_at`
+   !> p        index among the parameters of the slopes
+   pure function dense_products(self, x, z, s, past, p) result(q)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: x(:), z(:), s, past(2)
       integer, intent(in) :: p
-      complex(wp) :: q(2), by_matrix(3)
-      integer :: j
+      complex(wp) :: q(2)
+      logical :: varies
+      integer :: l, order
 
       q = 0
       if (.not. self%is_dense()) return
-      by_matrix = 0
-      associate (b => self%beam, slope => self%dense_slope(:, :, :, p))
-         do j = 1, 3
-            if (any(abs(slope(:, :, j)) > 0)) by_matrix(j) = sum(z(:b)*matmul(slope(:, :, j), &
-               x(:b)))
-         end do
-      end associate
-      q = [by_matrix(1), by_matrix(2) + (0, 1)*by_matrix(3)]
+      varies = any(abs(self%dense_slope(:, :, :, p)) > 0)
+      do l = 1, size(of_b)
+         varies = varies .or. self%parameters(p) == of_b(l)
+      end do
+      if (.not. varies) return
+      do order = 0, 1
+         q(1 + order) = sum(z(:self%beam)*matmul(self%dense_slope_at(s, past, p, order), &
+            x(:self%beam)))
+      end do
    end function dense_products
+
+   !> Returns x'Q'' x of the oscillators without the rows, where Q'' is the second derivative with
+   !> respect to s.
+   !>
+   !> x, z     (n) two motions of the oscillators
+   !> s, past  as of `dense_at`
+   pure complex(wp) function second_derivative(self, x, z, s, past) result(value)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: x(:), z(:), s, past(2)
+      integer :: l
+
+      value = 2*sum(self%pencil%m*x*z)
+      if (self%relaxation%n == 0) return
+      do l = 1, size(past)
+         if (self%relaxation%slot(l) == 0) cycle
+         value = value - 2*self%rates(l)/past(l)**3*self%strength(bending, of_relaxation(l)) &
+            *sum(self%mu*x(:self%beam)*z(:self%beam))
+      end do
+      if (self%is_dense()) value = value + sum(z(:self%beam)*matmul(self%dense_at(s, past, 2), &
+         x(:self%beam)))
+   end function second_derivative
+
+   !> Returns whether oscillator i has relaxations.
+   pure logical function relaxes(self, i)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: i
+
+      relaxes = any(self%relaxed(i, :) > 0)
+   end function relaxes
 
    !> Computes M, C and K of the oscillators as full matrices.
    !>
@@ -896,13 +1125,39 @@ contains
       associate (p => self%pencil)
          do i = 1, self%n
             if (p%l(i) > 0) then
-               self%pole(i, :) = lossy_poles(p%m(i), p%c(i), cmplx(p%k(i), p%l(i), wp))
+               self%pole(i, :2) = lossy_poles(p%m(i), p%c(i), cmplx(p%k(i), p%l(i), wp))
             else
-               self%pole(i, :) = quadratic(p%m(i), p%c(i), p%k(i))
+               self%pole(i, :2) = quadratic(p%m(i), p%c(i), p%k(i))
             end if
+            if (self%relaxation%n > 0) call relax_poles(self, i)
          end do
       end associate
    end subroutine set_poles
+
+   !> Computes the roots of D_i with relaxations. The coefficients of the two that oscillate follow
+   !> from the real ones.
+   pure subroutine relax_poles(self, i)
+      class(assembly_t), intent(inout) :: self
+      integer, intent(in) :: i
+      real(wp) :: c, share
+      integer :: l
+
+      self%creep(i, :) = 0
+      self%rise(i, :) = 0
+      self%pole(i, 3:) = 0
+      if (.not. self%relaxes(i)) return
+      associate (m => self%pencil%m(i), k => self%pencil%k(i), of => self%relaxation)
+         ! Without the viscosity, which phi contains.
+         c = self%strength(inertia, of_damping)
+         share = 1
+         do l = 1, of%n
+            call of%find_root(l, [c, m]/k, self%creep(i, l), self%rise(i, l))
+            self%pole(i, 2 + l) = of%point(l) + self%creep(i, l)
+            share = share*of%rate(l)/(of%rate(l) - self%rise(i, l))
+         end do
+         self%pole(i, :2) = quadratic(1.0_wp, self%pencil%c(i)/m + sum(self%rise(i, :)), k/m*share)
+      end associate
+   end subroutine relax_poles
 
    !> Returns D, and H without the couplings of the hoses.
    pure function new_pencil(self, modes) result(p)
@@ -1074,12 +1329,14 @@ contains
 
    !> Returns |s + E/c_D| c_D/E, the relative distance of s from -E/c_D, the accumulation point of
    !> the slow roots of overdamped modes. The residue of such a root is reduced by the same factor.
+   !> With relaxations, it is |phi| of `beamid_relaxations`.
    pure real(wp) function distance_from_accumulation(self, s)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
 
-      associate (E => self%strength(bending, of_stiffness))
-         distance_from_accumulation = abs(self%strength(bending, of_damping)*s + E)/E
+      associate (E => self%strength(bending, of_stiffness), of => self%relaxation)
+         distance_from_accumulation = abs(self%strength(bending, of_damping)*s + E &
+            + E*sum(of%strength(:of%n)*s/(s + of%rate(:of%n))))/E
       end associate
    end function distance_from_accumulation
 
@@ -1092,12 +1349,12 @@ contains
       end associate
    end function is_bare
 
-   !> Returns whether C and L are 0.
+   !> Returns whether C and L are 0 and nothing relaxes.
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 
       is_undamped = .not. (any(abs(self%pencil%c) > 0) .or. any(abs(self%pencil%hc) > 0) .or. &
-         any(self%pencil%l > 0))
+         any(self%pencil%l > 0) .or. self%relaxation%n > 0)
       if (self%is_dense()) is_undamped = is_undamped .and. .not. any(abs(self%dense(:, :, 1)) > 0)
    end function is_undamped
 

@@ -8,7 +8,7 @@ module beamid_characteristic
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
-   use beamid_vectors, only: root_t
+   use beamid_vectors, only: denominators, root_t
    implicit none
    private
 
@@ -69,19 +69,17 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
       complex(wp), intent(out) :: G(:, :), dG(:, :), D_j, dD_j, value
-      complex(wp) :: origin, left, right, D, dD
+      complex(wp) :: all_D(self%n), all_dD(self%n), D, dD
       integer :: i, k, l, r
 
       r = size(self%v, 1)
-      origin = self%pole(root%origin, root%side)
+      call denominators(self, root, all_D, all_dD)
       G = 0
       dG = 0
       value = 0
       do i = 1, self%n
-         left = (origin - self%pole(i, 1)) + root%offset
-         right = (origin - self%pole(i, 2)) + root%offset
-         D = self%pencil%m(i)*left*right
-         dD = self%pencil%m(i)*(left + right)
+         D = all_D(i)
+         dD = all_dD(i)
          if (i == root%j) then
             D_j = D
             dD_j = dD

@@ -14,7 +14,7 @@
 module beamid_clusters
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: nearest_pole, root_t
+   use beamid_vectors, only: distance_between, nearest_pole, root_t
    implicit none
    private
 
@@ -119,8 +119,7 @@ contains
 
       ! Positions relative to the flagged root; the differences of offsets keep their digits.
       do i = 1, size(all)
-         position(i) = (assembly%pole(all(i)%origin, all(i)%side) &
-            - assembly%pole(flagged%origin, flagged%side)) + (all(i)%offset - flagged%offset)
+         position(i) = distance_between(assembly, all(i), flagged)
       end do
       centre = 0
       on_axis = .false.

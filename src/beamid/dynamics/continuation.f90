@@ -16,6 +16,10 @@ module beamid_continuation
 
    public :: follow_roots, follow, follow_loss, coincides, with_conjugates, conjugate_of
 
+   !> Message for modes of a modulus that has both a loss factor and relaxations.
+   character(len=*), parameter, public :: loss_beside_relaxation = 'found eta beside time '// &
+      'hysteresis (d_1, d_2), expected one of the two for modes: both are the loss of the modulus'
+
    !> Largest number of steps; from a fair prediction, quadratic convergence takes three or four.
    integer, parameter :: most_steps = 8
    !> Relative to the distance from the nearest pole of an oscillator: a step of this size or less

@@ -17,7 +17,7 @@ module beamid_cvode
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure_checks, only: check_axial_load, check_causal
+   use beamid_structure_checks, only: check_axial_load, check_causal, check_local
    use sundials, only: complaint_t, create_cvode, CV_ONE_STEP, FCVode, FCVodeFree, &
       FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetMaxOrd, &
       FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances, FN_VDestroy, &
@@ -40,7 +40,7 @@ module beamid_cvode
    end type cvode_t
 
    !> One integration: the owner of all SUNDIALS handles and of the arrays behind their vectors.
-   !> With n unknowns, the state is (w, w'), 2 n numbers.
+   !> With n unknowns, the state is (w, w'), 2 n numbers, and n numbers for each relaxation.
    type :: session_t
       type(c_ptr) :: context = c_null_ptr   !< SUNContext
       type(c_ptr) :: memory = c_null_ptr   !< CVODE's memory
@@ -48,7 +48,7 @@ module beamid_cvode
       type(N_Vector), pointer :: state => null(), output => null(), tolerance => null()
       !> solver of the Newton systems
       type(SUNLinearSolver), pointer :: linear => null()
-      !> (2 n) state, state at a sample time, and absolute tolerances
+      !> state, state at a sample time, and absolute tolerances
       real(c_double), allocatable :: y(:), out(:), atol(:)
       type(motion_t) :: motion   !< right-hand side and Newton systems
       type(complaint_t) :: complaint   !< last message of CVODE
@@ -206,7 +206,7 @@ contains
    !> Stores the motion of the sensor at one time.
    !>
    !> t         [time]
-   !> y         (2 n) state (w, w') at this time
+   !> y         state at this time
    !> k         index of the sample time
    !> response  in and out
    subroutine observe(session, excitation, t, y, k, response)
@@ -215,15 +215,14 @@ contains
       real(wp), intent(in) :: t, y(:)
       integer, intent(in) :: k
       type(response_t), intent(inout) :: response
-      real(wp) :: a(size(y)/2), base(1, 3)
+      real(wp) :: a(session%motion%equations%n), base(1, 3)
 
       base = excitation%base([t])
       associate (n => size(a), equations => session%motion%equations)
-         call session%motion%acceleration([excitation%force(t), base(1, 2), base(1, 1)], y(:n), &
-            y(n + 1:), a)
+         call session%motion%acceleration([excitation%force(t), base(1, 2), base(1, 1)], y, a)
          response%displacement(k) = dot_product(equations%observer, y(:n)) &
             + equations%base_coupling*base(1, 1)
-         response%velocity(k) = dot_product(equations%observer, y(n + 1:)) &
+         response%velocity(k) = dot_product(equations%observer, y(n + 1:2*n)) &
             + equations%base_coupling*base(1, 2)
          response%acceleration(k) = dot_product(equations%observer, a) &
             + equations%base_coupling*base(1, 3)
@@ -245,6 +244,7 @@ contains
       type(SUNLinearSolver_Ops), pointer :: operations
       real(wp) :: atol
       integer(c_int) :: flag
+      integer :: l
 
       if (equations%constraints%too_many) then
          call failure(error, 'the rigid supports are so close together that the mesh '// &
@@ -254,9 +254,16 @@ contains
       call check_axial_load(equations%structure, error)
       if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
          error)
+      if (.not. allocated(error)) call check_local(equations%structure, error)
       if (allocated(error)) return
       if (equations%buckles()) then
          call failure(error, 'CVODE: '//buckled)
+         return
+      end if
+      if (excitation%is_base .and. equations%constraints%number() > 0 .and. &
+         size(equations%rate) > 0) then
+         call failure(error, 'd_1: found time hysteresis beside a rigid support and a base '// &
+            'that moves with cvode, expected modal')
          return
       end if
       call new_motion(equations, session%motion, error)
@@ -264,8 +271,10 @@ contains
       atol = self%atol
       if (.not. atol > 0) atol = self%rtol*equations%displacement
       if (.not. atol > 0) atol = self%rtol
-      allocate (session%y(2*equations%n), session%out(2*equations%n), source=0.0_c_double)
-      session%atol = atol*[1/equations%unit, equations%omega/equations%unit]
+      allocate (session%y((2 + size(equations%rate))*equations%n), source=0.0_c_double)
+      session%out = session%y
+      session%atol = atol*[1/equations%unit, equations%omega/equations%unit, &
+         [(1/equations%unit, l=1, size(equations%rate))]]
 
       call create_cvode(session%complaint, session%context, session%memory, flag)
       call check(session, flag, 'CVodeCreate', error)

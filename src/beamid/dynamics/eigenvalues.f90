@@ -11,6 +11,7 @@ module beamid_eigenvalues
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev, dgesv
+   use beamid_relaxation_roots, only: restart_root
    use beamid_systems, only: system_at
    use beamid_terms, only: bending, of_damping, of_mass, of_stiffness
    use beamid_vectors, only: nearest_pole, root_t
@@ -19,27 +20,36 @@ module beamid_eigenvalues
 
    public :: roots_of_matrix
 
+   !> Relative difference below which an eigenvalue and a root are the same.
+   real(wp), parameter :: same = 1e-6_wp
+
 contains
 
    !> Computes starting points for all roots.
    !>
-   !> roots  one of each complex pair and of every two real roots in the first half, the other one
-   !>        half the size further
-   !> error  LAPACK fails, or the user has interrupted
-   subroutine roots_of_matrix(assembly, roots, error)
+   !> relaxed  relaxation roots, which are left out; one that is no eigenvalue is computed again
+   !> roots    one of each complex pair and of every two real roots in the first half, the other one
+   !>          half the size further
+   !> error    LAPACK fails, or the user has interrupted
+   subroutine roots_of_matrix(assembly, relaxed, roots, error)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: relaxed(:)
       type(root_t), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp), allocatable :: s(:), near(:)
       real(wp) :: error_of_s, fastest, shift
 
-      call large_roots(assembly, s)
+      call large_roots(assembly, relaxed, s)
       if (size(s) == 0) then
          call failure(error, 'modal: LAPACK finds no eigenvalues of the equations of motion')
          return
       end if
       call check_interrupt(error)
       if (allocated(error)) return
+      if (size(relaxed) > 0) then
+         call arrange(assembly, s, roots)
+         return
+      end if
       fastest = maxval(abs(s))
       ! The first shift is to the right of all roots, and close to the lowest.
       shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
@@ -68,34 +78,61 @@ contains
       call arrange(assembly, s, roots)
    end subroutine roots_of_matrix
 
-   !> Computes the roots as eigenvalues s of x'' = -M**-1 (C x' + K x), where constraint forces keep
-   !> the acceleration of rigid rows at zero.
+   !> Computes the roots as eigenvalues s of x'' = -M**-1 (C x' + K x + sum of K_l z_l), where
+   !> constraint forces keep the acceleration of rigid rows at zero, and z_l' = x' - b_l z_l are the
+   !> internal variables of the relaxing stiffnesses K_l.
    !>
-   !> s  roots [1/time]; size 0: LAPACK fails
-   subroutine large_roots(assembly, s)
+   !> relaxed  relaxation roots, which are left out; one that is no eigenvalue is computed again
+   !> s        roots [1/time]; size 0: LAPACK fails
+   subroutine large_roots(assembly, relaxed, s)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: relaxed(:)
       complex(wp), allocatable, intent(out) :: s(:)
       real(wp), allocatable :: rigid(:, :), mass(:, :), b(:, :), a(:, :)
-      integer, allocatable :: pivots(:)
-      integer :: i, info, k, n, m
+      integer, allocatable :: pivots(:), modes(:)
+      complex(wp), allocatable :: others(:)
+      integer :: i, info, k, l, n, m, states
 
       n = assembly%n
       rigid = assembly%v(pack([(k, k=1, size(assembly%v, 1))], assembly%rigid), :)
       m = n + size(rigid, 1)
-      allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
+      modes = pack([(i, i=1, n)], [(assembly%relaxes(i), i=1, n)])
+      states = 2*n + size(modes)*assembly%relaxation%n
+      allocate (mass(m, m), b(m, states), a(states, states), source=0.0_wp)
       allocate (pivots(m))
       call assembly%full_matrices(merge(huge(1.0_wp), assembly%compliance, assembly%rigid), &
-         mass(:n, :n), b(:n, n + 1:), b(:n, :n))
+         mass(:n, :n), b(:n, n + 1:2*n), b(:n, :n))
       mass(n + 1:, :n) = rigid
       mass(:n, n + 1:) = transpose(rigid)
-      call dgesv(m, 2*n, mass, m, pivots, b, m, info)
+      others = relaxed%s
+      k = 2*n
+      do l = 1, assembly%relaxation%n
+         do i = 1, size(modes)
+            b(modes(i), k + i) = assembly%relaxed(modes(i), l)
+            a(k + i, n + modes(i)) = 1
+            a(k + i, k + i) = -assembly%relaxation%rate(l)
+            if (assembly%is_dense()) b(:assembly%beam, k + i) = b(:assembly%beam, k + i) &
+               + sum(assembly%dense(:, modes(i), 4:), dim=2, mask=spread( &
+               assembly%relaxation%slot == l, 1, assembly%beam))
+         end do
+         ! What rigid springs hold relaxes by itself.
+         others = [others, spread(cmplx(-assembly%relaxation%rate(l), kind=wp), 1, &
+            size(modes) - count(relaxed%side == 2 + l))]
+         k = k + size(modes)
+      end do
+      call dgesv(m, states, mass, m, pivots, b, m, info)
       allocate (s(0))
       if (info /= 0) return
-      a(n + 1:, :) = -b(:n, :)
+      a(n + 1:2*n, :) = -b(:n, :)
       do i = 1, n
          a(i, n + i) = 1
       end do
-      call largest_eigenvalues(a, assembly%roots(), s)
+      call largest_eigenvalues(a, assembly%roots(), others, s)
+      do k = 1, size(relaxed)
+         if (abs(aimag(others(k))) > 0) cycle
+         if (abs(others(k) - relaxed(k)%s) > same*abs(others(k))) &
+            call restart_root(assembly, real(others(k)), relaxed(k))
+      end do
    end subroutine large_roots
 
    !> Computes the roots from eigenvalues 1/(s - shift), by the matrix P(s) of `beamid_systems`.
@@ -109,6 +146,7 @@ contains
       complex(wp), allocatable :: P(:, :), dP(:, :)
       real(wp), allocatable :: matrix(:, :), b(:, :), a(:, :)
       real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
+      complex(wp) :: none(0)
       type(root_t) :: point
       integer, allocatable :: pivots(:)
       integer :: i, info, m, n
@@ -134,23 +172,25 @@ contains
       do i = 1, m
          a(m + i, i) = 1
       end do
-      call largest_eigenvalues(a, assembly%roots(), s)
+      call largest_eigenvalues(a, assembly%roots(), none, s)
       s = shift + 1/s
    end subroutine roots_near
 
    !> Computes the n eigenvalues of largest modulus of a matrix.
    !>
    !> a       matrix, destroyed
+   !> others  in: eigenvalues to leave out, or points near them; out: the eigenvalues
    !> values  in: what to return if LAPACK fails; out: (n) eigenvalues
-   subroutine largest_eigenvalues(a, n, values)
+   subroutine largest_eigenvalues(a, n, others, values)
       real(wp), intent(inout) :: a(:, :)
       integer, intent(in) :: n
+      complex(wp), intent(inout) :: others(:)
       complex(wp), allocatable, intent(inout) :: values(:)
       real(wp) :: re(size(a, 1)), im(size(a, 1)), none(1, 1)
       real(wp), allocatable :: work(:)
       complex(wp) :: all(size(a, 1))
-      logical :: taken(size(a, 1))
-      integer :: info, k
+      logical :: taken(size(a, 1)), left_out(size(a, 1)), known(size(others))
+      integer :: i, info, k, pass
 
       ! LAPACK may stop the program if an entry is not finite.
       if (any(.not. ieee_is_finite(a))) return
@@ -159,9 +199,22 @@ contains
          info)
       if (info /= 0) return
       all = cmplx(re, im, wp)
+      left_out = .false.
+      known = .false.
+      do pass = 1, 2
+         ! First those that are eigenvalues, then those that are no more than points near them.
+         do k = 1, size(others)
+            if (known(k)) cycle
+            i = minloc(abs(all - others(k)), dim=1, mask=.not. left_out)
+            if (pass == 1 .and. abs(all(i) - others(k)) > same*abs(all(i))) cycle
+            known(k) = .true.
+            left_out(i) = .true.
+            others(k) = all(i)
+         end do
+      end do
       taken = .false.
       do k = 1, n
-         taken(maxloc(abs(all), dim=1, mask=.not. taken)) = .true.
+         taken(maxloc(abs(all), dim=1, mask=.not. (taken .or. left_out))) = .true.
       end do
       values = pack(all, taken)
    end subroutine largest_eigenvalues

@@ -13,7 +13,8 @@ module beamid_equations
    use beamid_static_shapes, only: find_static_shape
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_spring, &
-      hose_value, load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, &
+      hose_value, load_shape, of_compliance, of_damping, of_load, of_mass, &
+      of_relaxation, of_stiffness, &
       operators, operators_of, place_on_mesh, end_condition, sensor_slope, sensor_value, &
       strengths, stretch, tilting, tip_value, weight
    implicit none
@@ -32,6 +33,10 @@ module beamid_equations
       type(band_t) :: mass                   !< M
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
+      !> (relaxations) relaxing stiffnesses K_l and their rates b_l [1/time]: the force K_l z acts,
+      !> where z' = w' - b_l z
+      type(band_t), allocatable :: relaxing(:)
+      real(wp), allocatable :: rate(:)
       !> (n) F, per unit force or per unit acceleration of the base
       real(wp), allocatable :: load(:)
       !> (n, 2) loads per unit velocity and displacement of the base; not allocated: no base motion
@@ -113,6 +118,7 @@ contains
       self%mass = sum_of_terms(self, of_mass, kd)
       self%damping = sum_of_terms(self, of_damping, kd)
       self%stiffness = sum_of_terms(self, of_stiffness, kd)
+      call set_relaxations(self, kd)
       self%observer = self%point(:, sensor_value(structure%observer))
       if (structure%g > 0) self%tilt = tilting(structure)*galerkin%space%length/structure%length &
          *self%point(:, sensor_slope(structure%observer))
@@ -228,7 +234,7 @@ contains
 
    !> Returns M, C or K, the sum of its terms.
    !>
-   !> matrix  `of_mass`, `of_damping` or `of_stiffness`
+   !> matrix  `of_mass`, `of_damping`, `of_stiffness` or a relaxing stiffness
    !> kd      half-bandwidth
    function sum_of_terms(self, matrix, kd) result(band)
       type(equations_t), intent(in) :: self
@@ -245,7 +251,7 @@ contains
             inert = g%air
          end if
          if (self%structure%has_fields() .and. matrix /= of_mass) &
-            bent = g%bending_band(self%factor(:, merge(1, 2, matrix == of_stiffness)))
+            bent = g%bending_band(self%factor(:, merge(2, 1, matrix == of_damping)))
          call add_splines(self, s(bending), bent, band)
          call add_splines(self, s(inertia), inert, band)
          if (matrix == of_stiffness .and. allocated(self%geometric_stiffness%a)) &
@@ -255,6 +261,25 @@ contains
          end do
       end associate
    end function sum_of_terms
+
+   !> Sets the relaxing stiffnesses.
+   !>
+   !> kd  half-bandwidth
+   subroutine set_relaxations(self, kd)
+      type(equations_t), intent(inout) :: self
+      integer, intent(in) :: kd
+      real(wp) :: rates(2)
+      integer, allocatable :: acting(:)
+      integer :: l
+
+      rates = [self%structure%b_1, self%structure%b_2]
+      acting = pack([1, 2], self%strength(bending, of_relaxation) > 0)
+      self%rate = rates(acting)
+      allocate (self%relaxing(size(acting)))
+      do l = 1, size(acting)
+         self%relaxing(l) = sum_of_terms(self, of_relaxation(acting(l)), kd)
+      end do
+   end subroutine set_relaxations
 
    !> Sets the stiffness due to axial force and weight.
    subroutine find_geometric_stiffness(self)
@@ -383,6 +408,9 @@ contains
       self%mass = self%constraints%of_matrix(self%mass)
       self%damping = self%constraints%of_matrix(self%damping)
       self%stiffness = self%constraints%of_matrix(self%stiffness)
+      do k = 1, size(self%relaxing)
+         self%relaxing(k) = self%constraints%of_matrix(self%relaxing(k))
+      end do
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
       if (allocated(self%tilt)) self%tilt = self%constraints%of_vector(self%tilt)

@@ -6,7 +6,7 @@
 module beamid_modal
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, load_t, new_assembly
-   use beamid_continuation, only: coincides, follow_loss
+   use beamid_continuation, only: coincides, follow_loss, loss_beside_relaxation
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_pulse
@@ -222,6 +222,10 @@ contains
       call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
          error)
       if (allocated(error)) return
+      if (assembly%relaxation%n > 0) then
+         call failure(error, 'modal: '//loss_beside_relaxation)
+         return
+      end if
       poles = self%poles
       ! With damping, each mode stands for itself.
       poles%cluster = poles%cluster(:0)
@@ -433,9 +437,10 @@ contains
          logical :: waiting(size(poles%s))
          integer :: k, next
 
-         allocate (s(min(wanted, size(poles%s))))
+         ! Relaxations are no modes.
+         waiting = poles%root%side <= 2
+         allocate (s(min(wanted, count(waiting))))
          allocate (ds(size(s), size(parameters)), together(size(s)))
-         waiting = .true.
          do k = 1, size(s)
             next = minloc(abs(poles%s), dim=1, mask=waiting .and. aimag(poles%s) > 0)
             if (next == 0) next = minloc(abs(poles%s), dim=1, mask=waiting)

@@ -8,6 +8,10 @@
 !>     (M + gamma C + gamma**2 K) dv = M r_v - gamma K r_w,
 !>
 !> so that a step costs O(N), and the inverse of M is never formed.
+!>
+!> A relaxing stiffness K_l has internal variables z, with the force K_l z and z' = v - b_l z, which
+!> follow w and v in the state. The step eliminates them, dz = (r_z + gamma dv)/(1 + gamma b_l):
+!> they add gamma**2 K_l/(1 + gamma b_l) to the matrix, which stays banded.
 module beamid_newton
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
@@ -83,31 +87,45 @@ contains
       drive(3) = self%base(2) + step*(self%base(1) + step*(first/2 + step*self%slope/6))
    end function drive
 
-   !> Computes M**-1 (force F - C v - K w) by the Cholesky factor of M.
+   !> Computes M**-1 (force F - C v - K w - sum of K_l z_l) by the Cholesky factor of M.
    !>
    !> drive  (3) excitation, as from `drive`
-   !> w, v   (n) unknowns and their velocity
+   !> y      state: (n) unknowns w, (n) their velocity v, (n) z for each relaxation
    !> a      (n) their acceleration
-   subroutine acceleration(self, drive, w, v, a)
+   subroutine acceleration(self, drive, y, a)
       class(motion_t), intent(in) :: self
-      real(wp), intent(in) :: drive(:), w(:), v(:)
+      real(wp), intent(in) :: drive(:), y(:)
       real(wp), intent(out) :: a(:)
+      integer :: l
 
       a = drive(1)*self%equations%load
       if (allocated(self%equations%base_loads)) a = a + matmul(self%equations%base_loads, drive(2:))
-      call subtract_internal_force(self%equations, w, v, a)
+      associate (n => self%equations%n)
+         call subtract_internal_force(self%equations, y(:n), y(n + 1:2*n), a)
+         do l = 1, size(self%equations%relaxing)
+            call self%equations%relaxing(l)%add_product(-1.0_wp, y((1 + l)*n + 1:(2 + l)*n), a)
+         end do
+      end associate
       call self%mass_factor%solve(a)
    end subroutine acceleration
 
-   !> Computes the derivative dy of the state y = (w, v), both of shape (2 n), at time t.
+   !> Computes the derivative dy of the state y = (w, v, z), both of shape (n (2 + relaxations)), at
+   !> time t.
    subroutine derivative(self, t, y, dy)
       class(motion_t), intent(inout) :: self
       real(wp), intent(in) :: t, y(:)
       real(wp), intent(out) :: dy(:)
 
+      integer :: l
+
       associate (n => self%equations%n)
-         dy(:n) = y(n + 1:)
-         call self%acceleration(self%drive(t), y(:n), y(n + 1:), dy(n + 1:))
+         dy(:n) = y(n + 1:2*n)
+         call self%acceleration(self%drive(t), y, dy(n + 1:2*n))
+         do l = 1, size(self%equations%relaxing)
+            associate (first => (1 + l)*n + 1, last => (2 + l)*n)
+               dy(first:last) = y(n + 1:2*n) - self%equations%rate(l)*y(first:last)
+            end associate
+         end do
       end associate
       self%evaluations = self%evaluations + 1
    end subroutine derivative
@@ -115,18 +133,24 @@ contains
    !> Solves (I - gamma J) x = r. The factorization is kept as long as gamma does not change.
    !>
    !> gamma     step coefficient of the BDF [time]
-   !> r, x      (2 n)
+   !> r, x      (n (2 + relaxations))
    !> positive  .false.: the matrix could not be factored, and x is undefined
    subroutine newton_step(self, gamma, r, x, positive)
       class(motion_t), intent(inout) :: self
       real(wp), intent(in) :: gamma, r(:)
       real(wp), intent(out) :: x(:)
       logical, intent(out) :: positive
+      real(wp) :: share(size(self%equations%rate))
+      integer :: l
 
       positive = .true.
+      share = gamma/(1 + gamma*self%equations%rate)
       associate (eq => self%equations, n => self%equations%n)
          if (abs(gamma - self%gamma) > 0) then
             self%step_factor%a = eq%mass%a + gamma*(eq%damping%a + gamma*eq%stiffness%a)
+            do l = 1, size(share)
+               self%step_factor%a = self%step_factor%a + gamma*share(l)*eq%relaxing(l)%a
+            end do
             call self%step_factor%factor(positive)
             self%factorizations = self%factorizations + 1
             self%gamma = gamma
@@ -135,11 +159,19 @@ contains
                return
             end if
          end if
-         x(n + 1:) = 0
-         call eq%mass%add_product(1.0_wp, r(n + 1:), x(n + 1:))
-         call eq%stiffness%add_product(-gamma, r(:n), x(n + 1:))
-         call self%step_factor%solve(x(n + 1:))
-         x(:n) = r(:n) + gamma*x(n + 1:)
+         x(n + 1:2*n) = 0
+         call eq%mass%add_product(1.0_wp, r(n + 1:2*n), x(n + 1:2*n))
+         call eq%stiffness%add_product(-gamma, r(:n), x(n + 1:2*n))
+         do l = 1, size(share)
+            call eq%relaxing(l)%add_product(-share(l), r((1 + l)*n + 1:(2 + l)*n), x(n + 1:2*n))
+         end do
+         call self%step_factor%solve(x(n + 1:2*n))
+         x(:n) = r(:n) + gamma*x(n + 1:2*n)
+         do l = 1, size(share)
+            associate (first => (1 + l)*n + 1, last => (2 + l)*n)
+               x(first:last) = r(first:last)*(share(l)/gamma) + share(l)*x(n + 1:2*n)
+            end associate
+         end do
       end associate
    end subroutine newton_step
 

@@ -14,7 +14,7 @@ module beamid_pole_derivatives
    use beamid_kinds, only: wp
    use beamid_poles, only: is_unresolved, load_on, pair_weight, parameter_values, poles_t
    use beamid_systems, only: solve_adjoint
-   use beamid_vectors, only: add_response, root_t, solve_coupled, vector_t
+   use beamid_vectors, only: add_response, past_rates, root_t, solve_coupled, vector_t
    implicit none
    private
 
@@ -82,7 +82,7 @@ contains
       complex(wp), dimension(assembly%n) :: z, dQx
       complex(wp) :: of_rows(size(assembly%v, 1), 4)
       complex(wp), dimension(size(assembly%changing)) :: xx, xz
-      complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2)
+      complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2), past(2)
       integer :: c, p, l, rows
 
       rows = size(assembly%v, 1)
@@ -93,20 +93,21 @@ contains
          driven = load_on(assembly, vector, s)
          observed = y(assembly%sensor)/vector%A
          r = observed*driven/vector%A
+         past = past_rates(assembly, root)
          dQx = vector%dD*x
          if (assembly%is_dense()) dQx(:assembly%beam) = dQx(:assembly%beam) &
-            + matmul(assembly%dense(:, :, 1), x(:assembly%beam))
+            + matmul(assembly%dense_at(s, past, 1), x(:assembly%beam))
          call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w, mu)
          call assembly%products(form, x, y, x, y, xx(:c))
          call assembly%products(form, x, y, z, w, xz(:c))
          call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, dHy)
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
-               x_E_x = assembly%dense_products(x, x, p)
-               z_E_x = assembly%dense_products(x, z, p)
-               x_Q_x = assembly%system_derivative(xx(:c), s, p) + x_E_x(1)*s + x_E_x(2)
-               z_Q_x = assembly%system_derivative(xz(:c), s, p) + z_E_x(1)*s + z_E_x(2) &
-                  + r*(assembly%system_derivative_by_s(xx(:c), s, p) + x_E_x(1))
+               x_E_x = assembly%dense_products(x, x, s, past, p)
+               z_E_x = assembly%dense_products(x, z, s, past, p)
+               x_Q_x = assembly%system_derivative(xx(:c), s, past, p) + x_E_x(1)
+               z_Q_x = assembly%system_derivative(xz(:c), s, past, p) + z_E_x(1) &
+                  + r*(assembly%system_derivative_by_s(xx(:c), s, past, p) + x_E_x(2))
                if (any(abs(A_p) > 0)) then
                   x_Q_x = x_Q_x - sum(A_p*f*y)
                   z_Q_x = z_Q_x - sum(A_p*f*w) - r*sum(A_p*y*dHy)
@@ -147,11 +148,8 @@ contains
 
       rows = size(w)
       associate (x => vector%x, y => vector%y, s => root%s, dH => vector%dH, &
-         A => assembly%compliance, m => assembly%pencil%m)
-         dr_ds = 0
-         do i = 1, assembly%n
-            dr_ds = dr_ds - dQx(i)*z(i) - 2*m(i)*(r*x(i)**2)
-         end do
+         A => assembly%compliance)
+         dr_ds = -sum(dQx*z) - r*assembly%second_derivative(x, x, s, past_rates(assembly, root))
          do i = 1, rows
             dHy(i) = 0
             hmy = 0

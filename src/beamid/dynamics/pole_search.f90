@@ -7,6 +7,7 @@ module beamid_pole_search
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, parameters
    use beamid_poles, only: find_residues, parameter_values, poles_t
+   use beamid_relaxation_roots, only: find_relaxation_roots
    use beamid_roots, only: find_others, find_roots
    use beamid_strings, only: to_text
    use beamid_structure_checks, only: furthest_parameter
@@ -30,6 +31,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      type(root_t), allocatable :: relaxed(:)
       logical :: found
       integer :: k, way
 
@@ -37,8 +39,10 @@ contains
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
          return
       end if
+      call find_relaxation_roots(assembly, relaxed, error)
+      if (allocated(error)) return
       if (allocated(poles%all)) then
-         call continue_roots(assembly, poles, found)
+         call continue_roots(assembly, relaxed, poles, found)
          if (found) then
             call find_residues(assembly, poles, error)
             if (.not. allocated(error)) return
@@ -47,8 +51,11 @@ contains
       end if
       ! First the characteristic equation, then the eigenvalues of the matrices.
       do way = 1, 2
-         call find_roots(assembly, poles%all, poles%root, error, from_matrix=way == 2)
-         if (.not. allocated(error)) call find_eigenvectors(assembly, poles)
+         call find_roots(assembly, relaxed, poles%all, poles%root, error, from_matrix=way == 2)
+         if (.not. allocated(error)) then
+            call add_relaxed(relaxed, poles)
+            call find_eigenvectors(assembly, poles)
+         end if
          if (.not. allocated(error)) call find_residues(assembly, poles, error)
          if (.not. allocated(error)) return
          if (allocated(poles%all)) deallocate (poles%all)
@@ -60,31 +67,56 @@ contains
          ' is out of proportion to the beam'
    end subroutine find_poles
 
+   !> Adds the relaxation roots, which come last.
+   pure subroutine add_relaxed(relaxed, poles)
+      type(root_t), intent(in) :: relaxed(:)
+      type(poles_t), intent(inout) :: poles   !< in and out: `root`, `all`
+
+      if (size(relaxed) == 0) return
+      poles%root = [poles%root, relaxed]
+      poles%all = [poles%all, relaxed]
+   end subroutine add_relaxed
+
    !> Follows the roots of a similar structure to those of this one.
    !>
-   !> poles  in: of the similar structure; out: if found, `root`, `all` and `vector` of this one
-   !> found  whether all roots have been found
-   subroutine continue_roots(assembly, poles, found)
+   !> relaxed  relaxation roots of this structure
+   !> poles    in: of the similar structure; out: if found, `root`, `all` and `vector` of this one
+   !> found    whether all roots have been found
+   subroutine continue_roots(assembly, relaxed, poles, found)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: relaxed(:)
       type(poles_t), intent(inout) :: poles
       logical, intent(out) :: found
       type(root_t), allocatable :: moved(:)
       logical, allocatable :: followed(:)
+      integer :: k, n
 
+      n = count(poles%root%side <= 2)
       moved = poles%root
       moved%s = predicted_roots(assembly, poles)
+      moved = moved(:n)
       ! From here on, the derivatives belong to other roots.
       if (allocated(poles%values)) deallocate (poles%values)
-      allocate (followed(size(moved)))
-      call follow_roots(assembly, moved, poles%vector, followed)
+      allocate (followed(n))
+      call follow_roots(assembly, moved, poles%vector(:n), followed)
       found = all(followed)
       if (found) then
          poles%root = moved
          poles%all = with_conjugates(assembly, moved)
+         call add_relaxed(relaxed, poles)
+         if (size(poles%vector) /= size(poles%root)) then
+            call find_eigenvectors(assembly, poles)
+         else
+            do k = n + 1, size(poles%root)
+               call find_eigenvector(assembly, poles%root(k), poles%vector(k))
+            end do
+         end if
       else if (4*count(.not. followed) <= size(moved) .and. .not. assembly%is_dense()) then
          ! If more than a quarter is lost, a new search is faster.
-         call find_others(assembly, moved, followed, poles%all, poles%root, found)
-         if (found) call find_eigenvectors(assembly, poles)
+         call find_others(assembly, relaxed, moved, followed, poles%all, poles%root, found)
+         if (.not. found) return
+         call add_relaxed(relaxed, poles)
+         call find_eigenvectors(assembly, poles)
       end if
    end subroutine continue_roots
 

@@ -7,19 +7,21 @@
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_characteristic, only: logarithmic_derivative
-   use beamid_continuation, only: with_conjugates, follow, coincides, conjugate_of, follow_loss
+   use beamid_continuation, only: coincides, conjugate_of, follow, follow_loss, &
+      loss_beside_relaxation, with_conjugates
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
+   use beamid_relaxation_roots, only: find_relaxation_roots
    use beamid_sorting, only: sort_by
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use beamid_systems, only: improve_root
-   use beamid_vectors, only: nearest_pole, root_t, vector_t
+   use beamid_vectors, only: distance_between, nearest_pole, root_t, vector_t
    implicit none
    private
 
@@ -35,7 +37,7 @@ module beamid_roots
 
 contains
 
-   !> Computes the roots s of (s**2 M + s C + K + i L) x = 0.
+   !> Computes the roots s of (s**2 M + s C + K + i L) x = 0, without relaxation roots.
    !>
    !> roots  one of each complex pair, Im s > 0, and all real roots, by ascending |s| [1/time]
    !> error  the roots were not found
@@ -44,7 +46,8 @@ contains
       complex(wp), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       type(beam_modes_t) :: modes
-      type(root_t), allocatable :: all(:), half(:)
+      type(assembly_t) :: assembly
+      type(root_t), allocatable :: all(:), half(:), relaxed(:)
       type(structure_t) :: elastic
       logical, allocatable :: has_hose(:)
       integer :: h
@@ -54,7 +57,9 @@ contains
       associate (structure => equations%structure)
          elastic = structure
          elastic%eta = 0
-         call find_roots(new_assembly(elastic, modes, [integer ::]), all, half, error)
+         assembly = new_assembly(elastic, modes, [integer ::])
+         call find_relaxation_roots(assembly, relaxed, error)
+         if (.not. allocated(error)) call find_roots(assembly, relaxed, all, half, error)
          if (structure%eta > 0 .and. .not. allocated(error)) call add_loss( &
             new_assembly(structure, modes, [integer ::]), half, error)
          if (allocated(error)) return
@@ -85,22 +90,28 @@ contains
       type(vector_t) :: vector
       integer :: k
 
+      if (assembly%relaxation%n > 0) then
+         call failure(error, 'modal: '//loss_beside_relaxation)
+         return
+      end if
       do k = 1, size(half)
          if (aimag(half(k)%s) > 0) call follow_loss(assembly, half(k), vector, error)
          if (allocated(error)) return
       end do
    end subroutine add_loss
 
-   !> Computes all roots of an assembly.
+   !> Computes all roots of an assembly but the relaxation roots.
    !>
+   !> relaxed      the relaxation roots; one that is no eigenvalue is computed again
    !> all          all roots: one of each complex pair and of every two real roots in the first
    !>              half, the other one half the size further
    !> half         one of each complex pair, Im s > 0, and all real roots
    !> error        the iteration does not converge
    !> from_matrix  whether the starting points are eigenvalues from LAPACK; default .false., but
    !>              always .true. for an assembly with dense matrices
-   subroutine find_roots(assembly, all, half, error, from_matrix)
+   subroutine find_roots(assembly, relaxed, all, half, error, from_matrix)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: relaxed(:)
       type(root_t), allocatable, intent(out) :: all(:), half(:)
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: from_matrix
@@ -110,7 +121,7 @@ contains
       by_matrix = assembly%is_dense()
       if (present(from_matrix)) by_matrix = by_matrix .or. from_matrix
       if (by_matrix) then
-         call roots_of_matrix(assembly, all, error)
+         call roots_of_matrix(assembly, relaxed, all, error)
       else
          call starting_points(assembly, all, error)
       end if
@@ -121,9 +132,9 @@ contains
       else
          do
             call approach(assembly, all, done)
-            call iterate(assembly, all, done, doubtful, error)
+            call iterate(assembly, relaxed, all, done, doubtful, error)
             if (by_matrix .or. .not. doubtful) exit
-            call roots_of_matrix(assembly, all, error)
+            call roots_of_matrix(assembly, relaxed, all, error)
             if (allocated(error)) return
             call set_zero_roots(assembly, all)
             by_matrix = .true.
@@ -155,14 +166,15 @@ contains
 
    !> Computes all roots if most of them are known, as after a small change of the structure.
    !>
-   !> some   one of each complex pair and all real roots, exact or approximate
-   !> known  which of `some` are exact
-   !> all    all roots, in the order of `find_roots`
-   !> half   one of each complex pair, Im s > 0, and all real roots
-   !> found  .false.: the iteration does not converge, or its result is doubtful
-   subroutine find_others(assembly, some, known, all, half, found)
+   !> relaxed  the relaxation roots
+   !> some     one of each complex pair and all real roots, exact or approximate
+   !> known    which of `some` are exact
+   !> all      all roots, in the order of `find_roots`
+   !> half     one of each complex pair, Im s > 0, and all real roots
+   !> found    .false.: the iteration does not converge, or its result is doubtful
+   subroutine find_others(assembly, relaxed, some, known, all, half, found)
       type(assembly_t), intent(in) :: assembly
-      type(root_t), intent(in) :: some(:)
+      type(root_t), intent(in) :: relaxed(:), some(:)
       logical, intent(in) :: known(:)
       type(root_t), allocatable, intent(out) :: all(:), half(:)
       logical, intent(out) :: found
@@ -178,7 +190,7 @@ contains
             + abs(abs(aimag(some%s)) - abs(aimag(all(k)%s))) <= 0)
          if (.not. done(k)) call leave_axis(assembly, merge(1, 2, 2*k <= size(all)), all(k))
       end do
-      call iterate(assembly, all, done, doubtful, error)
+      call iterate(assembly, relaxed, all, done, doubtful, error)
       found = .not. (doubtful .or. allocated(error))
       half = all
       if (found) call select_half(assembly, half)
@@ -242,13 +254,15 @@ contains
    !> Performs the Ehrlich-Aberth iteration: corrects the roots in turn until all have converged. At
    !> a multiple root the corrections decrease only to a root of the round-off, and then stagnate.
    !>
+   !> relaxed   the relaxation roots
    !> done      (roots) in: which roots are exact already
    !> doubtful  some roots stagnated at corrections larger than round-off at a double root explains,
    !>           as happens from poor starting points in a dense row of real roots, or some did not
    !>           converge
    !> error     some roots did not converge
-   subroutine iterate(assembly, roots, done, doubtful, error)
+   subroutine iterate(assembly, relaxed, roots, done, doubtful, error)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: relaxed(:)
       type(root_t), intent(inout) :: roots(:)
       logical, allocatable, intent(inout) :: done(:)
       logical, intent(out) :: doubtful
@@ -273,7 +287,7 @@ contains
          if (allocated(error)) return
          do k = 1, size(roots)
             if (done(k)) cycle
-            call correct(assembly, roots, k, moved(k))
+            call correct(assembly, relaxed, roots, k, moved(k))
             ! Convergence is at least quadratic, except at multiple roots.
             settled(k) = moved(k) <= 1e-10_wp*abs(roots(k)%offset)
             done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
@@ -291,7 +305,7 @@ contains
          if (.not. all(done)) cycle
          ! With all other roots exact, one more correction leaves only round-off.
          do k = 1, size(roots)
-            if (.not. settled(k)) call correct(assembly, roots, k, moved(k))
+            if (.not. settled(k)) call correct(assembly, relaxed, roots, k, moved(k))
          end do
          return
       end do
@@ -320,9 +334,11 @@ contains
    !> conjugate. Before that the partner is corrected by itself, because a pair may have to separate
    !> into two real roots, which two conjugate points cannot do.
    !>
-   !> moved  modulus of the correction [1/time]; `huge` if there is none but a small shift
-   subroutine correct(assembly, roots, k, moved)
+   !> relaxed  the relaxation roots, for each of which W has a pole at -b
+   !> moved    modulus of the correction [1/time]; `huge` if there is none but a small shift
+   subroutine correct(assembly, relaxed, roots, k, moved)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: relaxed(:)
       type(root_t), intent(inout) :: roots(:)
       integer, intent(in) :: k
       real(wp), intent(out) :: moved
@@ -345,9 +361,16 @@ contains
       do i = 1, size(roots)
          if (i == k) cycle
          gap = roots(k)%s - roots(i)%s
-         if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = distance(assembly, roots(k), roots(i))
+         if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = distance_between(assembly, roots(k), &
+            roots(i))
          known = known .and. abs(gap) > 0
          if (known) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
+      end do
+      do i = 1, size(relaxed)
+         gap = distance_between(assembly, roots(k), relaxed(i))
+         known = known .and. abs(gap) > 0
+         if (known) slope = slope - 1/gap + 1/(roots(k)%s &
+            + assembly%relaxation%rate(relaxed(i)%side - 2))
       end do
       if (known .and. abs(slope) > 0) then
          step = -1/slope
@@ -367,15 +390,6 @@ contains
       if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
       if (settled) roots(partner) = conjugate_of(assembly, roots(k))
    end subroutine correct
-
-   !> Returns the difference of two close roots with the full accuracy of their offsets.
-   pure complex(wp) function distance(assembly, a, b)
-      type(assembly_t), intent(in) :: assembly
-      type(root_t), intent(in) :: a, b
-
-      distance = (assembly%pole(a%origin, a%side) - assembly%pole(b%origin, b%side)) &
-         + (a%offset - b%offset)
-   end function distance
 
    !> Returns whether two roots are exact conjugates of each other and clearly not real.
    pure logical function is_pair(a, b)

@@ -12,7 +12,7 @@ module beamid_starting_roots
    implicit none
    private
 
-   public :: starting_points, leave_axis
+   public :: starting_points, leave_axis, solve_symmetric
 
    !> Largest relative distance from the real axis of a starting point of a root that may be real.
    real(wp), parameter, public :: nudge = 1e-3_wp
@@ -75,6 +75,8 @@ contains
       allocate (roots(2*half))
       do j = half, 1, -1
          pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
+         if (assembly%relaxation%n > 0) pair = relaxed_pair(assembly, pair, K(:, j), &
+            dot_product(K(:, j), matmul(C, K(:, j))), lambda(j))
          if (abs(aimag(pair(1))) <= 0 .and. slow(next) < 0 .and. &
             abs(real(pair(1)) - slow(next)) < -0.1_wp*slow(next)) then
             pair(1) = slow(next)
@@ -86,6 +88,35 @@ contains
          end do
       end do
    end subroutine starting_points
+
+   !> Returns the pair of roots of an undamped mode with modal damping and relaxations, by Newton's
+   !> method for s**2 + c s + k + sum of r_l s/(s + b_l); or the pair without relaxations, if there
+   !> is no such pair.
+   !>
+   !> pair   without relaxations [1/time]
+   !> x      (n) the mode, with unit modal mass
+   !> c, k   modal damping and stiffness
+   pure function relaxed_pair(assembly, pair, x, c, k) result(relaxed)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: pair(2)
+      real(wp), intent(in) :: x(:), c, k
+      complex(wp) :: relaxed(2), s, past(assembly%relaxation%n)
+      real(wp) :: r(size(past))
+      integer :: i
+
+      associate (b => assembly%relaxation%rate(:size(past)))
+         r = matmul(x**2, assembly%relaxed)
+         ! Fast modes have the stiffness of a modulus that does not relax.
+         s = (0, 1)*sqrt(max(k + sum(r*max(k, 0.0_wp)/(max(k, 0.0_wp) + b**2)), 0.0_wp))
+         do i = 1, 20
+            past = s + b
+            s = s - ((s + c)*s + k + sum(r*s/past))/(2*s + c + sum(r*b/past**2))
+         end do
+      end associate
+      relaxed = pair
+      if (.not. (aimag(s) > nudge*abs(s) .and. ieee_is_finite(abs(s)))) return
+      relaxed = [s, conjg(s)]
+   end function relaxed_pair
 
    !> Moves a real starting point off the real axis and stores it relative to the nearest pole; a
    !> complex point keeps its position.

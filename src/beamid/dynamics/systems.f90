@@ -9,11 +9,13 @@ module beamid_systems
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
    use beamid_terms, only: of_mass
-   use beamid_vectors, only: allocate_vector, find_vector, nearest_pole, root_t, vector_t
+   use beamid_vectors, only: allocate_vector, denominators, find_vector, nearest_pole, past_rates, &
+      root_t, vector_t
    implicit none
    private
 
-   public :: system_at, improve_root, find_eigenvector, solve_adjoint, factor, solve
+   public :: system_at, improve_root, find_eigenvector, solve_adjoint, factor, solve, &
+      factor_balanced, solve_balanced
 
    interface
       subroutine zgetrf(m, n, a, lda, ipiv, info)
@@ -43,24 +45,21 @@ contains
       type(root_t), intent(in) :: point
       complex(wp), intent(out) :: P(:, :), dP(:, :)
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH
-      complex(wp) :: left, right, origin
+      complex(wp), dimension(assembly%n) :: D, dD
       integer :: i, k, n
 
       n = assembly%n
       P = 0
       dP = 0
-      associate (s => point%s, b => assembly%beam, m => assembly%pencil%m)
+      associate (s => point%s, b => assembly%beam)
          if (assembly%is_dense()) then
-            P(:b, :b) = assembly%dense(:, :, 1)*s + cmplx(assembly%dense(:, :, 2), &
-               assembly%dense(:, :, 3), wp)
-            dP(:b, :b) = assembly%dense(:, :, 1)
+            P(:b, :b) = assembly%dense_at(s, past_rates(assembly, point), 0)
+            dP(:b, :b) = assembly%dense_at(s, past_rates(assembly, point), 1)
          end if
-         origin = assembly%pole(point%origin, point%side)
+         call denominators(assembly, point, D, dD)
          do i = 1, n
-            left = (origin - assembly%pole(i, 1)) + point%offset
-            right = (origin - assembly%pole(i, 2)) + point%offset
-            P(i, i) = P(i, i) + m(i)*left*right
-            dP(i, i) = dP(i, i) + m(i)*(left + right)
+            P(i, i) = P(i, i) + D(i)
+            dP(i, i) = dP(i, i) + dD(i)
          end do
          call assembly%couplings(assembly%form_at(s), s, H, dH)
          P(:n, n + 1:) = matmul(assembly%vt, H)
@@ -140,7 +139,8 @@ contains
          if (step == 1) cycle
          root%s = root%s + change
          root%offset = root%offset + change
-         if (abs(change) > 1e-2_wp*abs(root%offset)) call nearest_pole(assembly, root)
+         if (abs(change) > 1e-2_wp*abs(root%offset) .and. root%side <= 2) &
+            call nearest_pole(assembly, root)
          if (abs(change) <= tolerance*max(abs(root%offset), tolerance*abs(root%s))) exit
       end do
       root%j = maxloc(assembly%pencil%m*abs(z(:n, 1))**2, dim=1)
@@ -173,16 +173,21 @@ contains
    !> Solves P x = z by the factors of the balanced matrix.
    !>
    !> P, pivots, rows, columns  from `factor_balanced`
-   !> z                         (size of P, 1) in: right-hand side; out: solution
+   !> z                         (size of P, :) in: right-hand sides; out: solutions
    subroutine solve_balanced(P, pivots, rows, columns, z)
       complex(wp), intent(in) :: P(:, :)
       integer, intent(in) :: pivots(:)
       real(wp), intent(in) :: rows(:), columns(:)
       complex(wp), intent(inout) :: z(:, :)
+      integer :: k
 
-      z(:, 1) = rows*z(:, 1)
+      do k = 1, size(z, 2)
+         z(:, k) = rows*z(:, k)
+      end do
       call solve(P, pivots, z, 'N')
-      z(:, 1) = columns*z(:, 1)
+      do k = 1, size(z, 2)
+         z(:, k) = columns*z(:, k)
+      end do
    end subroutine solve_balanced
 
    !> Computes the eigenvector of a root.
@@ -202,7 +207,7 @@ contains
    end subroutine find_eigenvector
 
    !> Computes the eigenvector of a root by inverse iteration, with x_j = 1. Sets all components of
-   !> `vector_t` except D, 1/D and G.
+   !> `vector_t` except 1/D and G.
    subroutine iterate_inversely(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
@@ -236,7 +241,7 @@ contains
          call assembly%couplings(vector%form, root%s, vector%H, vector%dH)
          call assembly%coupling(of_mass, vector%form, vector%hm)
          vector%f = matmul(vector%H, y)
-         vector%dD = 2*pencil%m*root%s + pencil%c
+         call denominators(assembly, root, vector%D, vector%dD)
          vector%inertia = sum(pencil%m*abs(vector%x)**2) &
             + real(sum(conjg(y)*matmul(vector%hm, y)))
       end associate

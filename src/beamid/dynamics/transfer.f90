@@ -15,7 +15,7 @@ module beamid_transfer
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate, identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
+   use beamid_vectors, only: find_vector, nearest_pole, past_rates, root_t, vector_t
    implicit none
    private
 
@@ -66,7 +66,8 @@ contains
          call invert(assembly, point, with_slopes, value, inverse)
       end if
       value%h = value%u(assembly%sensor)
-      if (with_slopes) call differentiate(assembly, point%s, inverse, value)
+      if (with_slopes) call differentiate(assembly, point%s, past_rates(assembly, point), inverse, &
+         value)
    end subroutine transfer_at
 
    !> Computes the motion, W'/W and Q**-1 of an assembly without dense matrices.
@@ -159,10 +160,11 @@ contains
    !> log W with the contributions of positions.
    !>
    !> s      the point [1/time]
+   !> past   (2) s + b_1 and s + b_2 [1/time]
    !> value  in: q, u and form; out: dh and dlog_p, too
-   subroutine differentiate(assembly, s, inverse, value)
+   subroutine differentiate(assembly, s, past, inverse, value)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s
+      complex(wp), intent(in) :: s, past(2)
       type(inverse_t), intent(in) :: inverse
       type(transfer_t), intent(inout) :: value
       complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
@@ -172,16 +174,15 @@ contains
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
       call assembly%couplings(value%form, s, H, dH)
-      call differentiate_motion(assembly, s, value%form, H, value%q, value%u, inverse%o, &
+      call differentiate_motion(assembly, s, past, value%form, H, value%q, value%u, inverse%o, &
          inverse%u, value%dh)
       call assembly%traces(value%form, inverse%diagonal, inverse%T, traces)
       do p = 1, size(assembly%parameters)
-         value%dlog_p(p) = assembly%system_derivative(traces, s, p) &
+         value%dlog_p(p) = assembly%system_derivative(traces, s, past, p) &
             + sum(assembly%compliance_slope(:, p)*inverse%by_compliance) &
             + sum(assembly%moves(:, p)*inverse%by_position)
          if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
-            + sum(transpose(inverse%dense)*(assembly%dense_slope(:, :, 1, p)*s &
-            + cmplx(assembly%dense_slope(:, :, 2, p), assembly%dense_slope(:, :, 3, p), wp)))
+            + sum(transpose(inverse%dense)*assembly%dense_slope_at(s, past, p, 0))
       end do
    end subroutine differentiate
 
@@ -189,14 +190,15 @@ contains
    !> positions and of loads that depend on a parameter.
    !>
    !> s       the point [1/time]
+   !> past    (2) s + b_1 and s + b_2 [1/time]
    !> form    in which the motions are given, from `form_at`
    !> H       (r, r) couplings at s
    !> q, u    (n), (r) Q**-1 F, and its motion of the rows
    !> o, u_o  (n), (r) Q**-1 o, and its motion of the rows
    !> dh      (parameters)
-   subroutine differentiate_motion(assembly, s, form, H, q, u, o, u_o, dh)
+   subroutine differentiate_motion(assembly, s, past, form, H, q, u, o, u_o, dh)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, H(:, :), q(:), u(:), o(:), u_o(:)
+      complex(wp), intent(in) :: s, past(2), H(:, :), q(:), u(:), o(:), u_o(:)
       integer, intent(in) :: form
       complex(wp), intent(out) :: dh(:)
       complex(wp) :: products(size(assembly%changing)), row_change(size(u)), o_E_q(2)
@@ -207,10 +209,10 @@ contains
       call assembly%products(form, q, u, o, u_o, products)
       do p = 1, size(dh)
          associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
-            dh(p) = -assembly%system_derivative(products, s, p)
+            dh(p) = -assembly%system_derivative(products, s, past, p)
             if (assembly%is_dense()) then
-               o_E_q = assembly%dense_products(q, o, p)
-               dh(p) = dh(p) - o_E_q(1)*s - o_E_q(2)
+               o_E_q = assembly%dense_products(q, o, s, past, p)
+               dh(p) = dh(p) - o_E_q(1)
             end if
             if (any(abs(A_p) > 0)) dh(p) = dh(p) + sum(A_p*u_o*matmul(H, u))
             if (assembly%load_changes(p)) dh(p) = dh(p) &

@@ -64,14 +64,18 @@ contains
       real(wp), parameter :: apart = 1e-4_wp
       complex(wp), dimension(n) :: inverse, load, q, o
       complex(wp), dimension(r, r) :: couplings, slopes, coupled, G
-      complex(wp) :: D, u(r, 2), f(r, 2)
+      complex(wp) :: D, u(r, 2), f(r, 2), relaxed(assembly%relaxation%n)
       real(wp) :: square, least
       integer :: form, i, k, l
 
       least = (apart*(real(s)**2 + aimag(s)**2))**2
+      associate (of => assembly%relaxation)
+         relaxed = s/(s + of%rate(:of%n))
+      end associate
       associate (p => assembly%pencil, vv => assembly%vv, vt => assembly%vt)
          do i = 1, n
             D = (p%m(i)*s + p%c(i))*s + cmplx(p%k(i), p%l(i), wp)
+            if (assembly%relaxation%n > 0) D = D + sum(assembly%relaxed(i, :)*relaxed)
             square = real(D)**2 + aimag(D)**2
             regular = square > least*p%m(i)**2
             if (.not. regular) return
@@ -114,7 +118,8 @@ contains
          q = load*inverse
          o = o*inverse
       end associate
-      call differentiate_motion(assembly, s, form, couplings, q, u(:, 1), o, u(:, 2), h(1:))
+      call differentiate_motion(assembly, s, s + assembly%rates, form, couplings, q, &
+         u(:, 1), o, u(:, 2), h(1:))
    end subroutine transfer_apart
 
 end module beamid_transfer_lines

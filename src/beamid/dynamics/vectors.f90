@@ -19,15 +19,17 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, add_response, allocate_vector, find_vector, &
-      nearest_pole, solve_coupled, solve_mass
+   public :: root_t, vector_t, add_response, allocate_vector, denominators, distance_between, &
+      find_vector, nearest_pole, past_rates, solve_coupled, solve_mass
 
    !> A point s of the complex plane, a root or an approximation to one. It is stored relative to a
    !> nearby root of an oscillator's D_i (a pole), so that D_i(s) keeps its digits near the pole.
    type :: root_t
       integer :: j = 0                !< oscillator at which the vector is normalised, x_j = 1
       integer :: origin = 0           !< oscillator of the pole; 0: not chosen yet
-      integer :: side = 1             !< 1 or 2: which of the two roots of D_origin is the pole
+      !> which of the roots of D_origin is the pole: 1 or 2 for those of an oscillator, 2 + l for
+      !> that of relaxation l
+      integer :: side = 1
       complex(wp) :: offset = 0       !< s - pole(origin, side) [1/time]
       complex(wp) :: s = 0            !< the point itself [1/time]
    end type root_t
@@ -59,10 +61,15 @@ contains
       complex(wp) :: s
       complex(wp) :: H(size(self%v, 1), size(self%v, 1), 2)
       real(wp) :: distance(2), least, weight(size(self%v, 1)), response, largest
+      real(wp) :: damped
       integer :: i, k, l, origin, side, r
 
       r = size(self%v, 1)
       s = root%s
+      damped = 1
+      do l = 1, self%relaxation%n
+         damped = damped*(abs(s + self%relaxation%rate(l))**2 + tiny(1.0_wp))
+      end do
       weight = 0
       call self%couplings(self%form_at(s), s, H(:, :, 1), H(:, :, 2))
       do l = 1, r
@@ -83,7 +90,21 @@ contains
             side = k
          end do
          response = sum(self%v(:, i)**2*weight)/self%pencil%m(i)
-         response = response**2/max(distance(1)*distance(2), tiny(1.0_wp))
+         distance(1) = distance(1)*distance(2)
+         if (self%relaxation%n > 0) then
+            if (self%relaxes(i)) then
+               do l = 1, self%relaxation%n
+                  distance(2) = real(s - self%pole(i, 2 + l))**2 + aimag(s - self%pole(i, 2 + l))**2
+                  distance(1) = distance(1)*distance(2)
+                  if (distance(2) >= least) cycle
+                  least = distance(2)
+                  origin = i
+                  side = 2 + l
+               end do
+               distance(1) = distance(1)/damped
+            end if
+         end if
+         response = response**2/max(distance(1), tiny(1.0_wp))
          if (response <= largest) cycle
          largest = response
          root%j = i
@@ -111,7 +132,15 @@ contains
       associate (v => self%v, m => self%pencil%m, G => vector%G)
          call self%couplings(vector%form, root%s, vector%H, vector%dH)
          call self%coupling(of_mass, vector%form, vector%hm)
-         call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
+         if (self%relaxation%n > 0) then
+            call denominators(self, root, vector%D, vector%dD)
+            vector%inverse = merge(0.0_wp, 1.0_wp, abs(vector%D) <= 0)/merge(vector%D, &
+               (1.0_wp, 0.0_wp), abs(vector%D) > 0)
+            vector%inverse(root%j) = 0
+         else
+            call quadratic_denominators(self%n, m, self%pole, root, vector%D, vector%dD, &
+               vector%inverse)
+         end if
          do l = 1, r
             do k = 1, l
                G(k, l) = sum(self%vv(:, k + l*(l - 1)/2)*vector%inverse)
@@ -167,16 +196,97 @@ contains
          vector%coupled(r, r))
    end subroutine allocate_vector
 
-   !> Computes D, D' and 1/D at a point, with 0 in the place of 1/D_j. The distances from the poles
-   !> are formed relative to the nearest pole, so that none loses digits by cancellation.
+   !> Computes D and D' at a point.
+   !>
+   !> D, dD  (n) D and D'
+   pure subroutine denominators(self, root, D, dD)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      complex(wp), intent(out) :: D(:), dD(:)
+      complex(wp) :: origin, left, right, past(2)
+      integer :: i, l
+
+      origin = self%pole(root%origin, root%side)
+      past = past_relaxations(self, root)
+      do i = 1, self%n
+         left = (origin - self%pole(i, 1)) + root%offset
+         right = (origin - self%pole(i, 2)) + root%offset
+         D(i) = self%pencil%m(i)*(left*right)
+         dD(i) = self%pencil%m(i)*(left + right)
+         if (self%relaxation%n == 0) cycle
+         if (.not. self%relaxes(i)) cycle
+         if (self%pencil%l(i) > 0) then
+            D(i) = (self%pencil%m(i)*root%s + self%pencil%c(i))*root%s &
+               + cmplx(self%pencil%k(i), self%pencil%l(i), wp)
+         end if
+         dD(i) = 2*self%pencil%m(i)*root%s + self%pencil%c(i)
+         do l = 1, self%relaxation%n
+            associate (r => self%relaxed(i, l), b => self%relaxation%rate(l))
+               dD(i) = dD(i) + r*b/past(l)**2
+               if (self%pencil%l(i) > 0) then
+                  D(i) = D(i) + r*root%s/past(l)
+               else if (root%side == 2 + l) then
+                  D(i) = D(i)*((self%creep(root%origin, l) - self%creep(i, l)) + root%offset) &
+                     /past(l)
+               else
+                  D(i) = D(i)*((origin - self%pole(i, 2 + l)) + root%offset)/past(l)
+               end if
+            end associate
+         end do
+      end do
+   end subroutine denominators
+
+   !> Returns s + b at a point for each relaxation of the assembly [1/time].
+   pure function past_relaxations(self, root) result(past)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      complex(wp) :: past(2)
+      integer :: l
+
+      past = root%s + self%relaxation%rate
+      l = root%side - 2
+      if (l > 0) past(l) = self%rise(root%origin, l) + root%offset
+   end function past_relaxations
+
+   !> Returns s + b_1 and s + b_2 of the structure at a point, to all digits [1/time].
+   pure function past_rates(self, root) result(past)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      complex(wp) :: past(2), of_relaxations(2)
+      integer :: l
+
+      past = root%s + self%rates
+      if (root%side <= 2) return
+      of_relaxations = past_relaxations(self, root)
+      do l = 1, 2
+         if (self%relaxation%slot(l) > 0) past(l) = of_relaxations(self%relaxation%slot(l))
+      end do
+   end function past_rates
+
+   !> Returns the difference a - b of two points with the full accuracy of their offsets.
+   pure complex(wp) function distance_between(self, a, b) result(distance)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: a, b
+
+      if (a%side > 2 .and. a%side == b%side) then
+         distance = self%creep(a%origin, a%side - 2) - self%creep(b%origin, b%side - 2)
+      else
+         distance = self%pole(a%origin, a%side) - self%pole(b%origin, b%side)
+      end if
+      distance = distance + (a%offset - b%offset)
+   end function distance_between
+
+   !> Computes D, D' and 1/D at a point, with 0 in the place of 1/D_j, if nothing relaxes. The
+   !> distances from the poles are formed relative to the nearest pole, so that none loses digits by
+   !> cancellation.
    !>
    !> m               (n) modal masses m_i of D_i = m_i s**2 + c_i s + k_i
    !> pole            (n, 2) roots of D_i [1/time]
    !> D, dD, inverse  (n) D, D' and 1/D
-   pure subroutine denominators(n, m, pole, root, D, dD, inverse)
+   pure subroutine quadratic_denominators(n, m, pole, root, D, dD, inverse)
       integer, intent(in) :: n
       real(wp), intent(in) :: m(n)
-      complex(wp), intent(in) :: pole(n, 2)
+      complex(wp), intent(in) :: pole(n, *)
       type(root_t), intent(in) :: root
       complex(wp), intent(out) :: D(n), dD(n), inverse(n)
       complex(wp) :: origin, left, right
@@ -194,7 +304,7 @@ contains
          if (square > 0) inverse(i) = conjg(D(i))/square
       end do
       inverse(root%j) = 0
-   end subroutine denominators
+   end subroutine quadratic_denominators
 
    !> Adds the response of the oscillators to forces f along the rows of V to x: x := x - D**-1 V f.
    !>

@@ -110,14 +110,18 @@ contains
       type(model_t), intent(in) :: model
       type(structure_t) :: s
       real(wp), allocatable :: t(:)
+      real(wp) :: duration
 
       ! gfortran 12 frees twice what a function returns into an associate block.
       s = experiment%structure_of(model%structure)
       t = places_of(experiment)
       call complete_list(box%x_S, s%sensor_place())
       call complete_list(box%x_F, s%place(of_x_F))
-      call complete_list(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
-         is_pulse(experiment%excitation) .and. .not. box%of_lines))
+      ! With -O2, gfortran 12 fails to write the module if this is an expression with `merge`.
+      duration = 0
+      if (is_pulse(experiment%excitation) .and. .not. box%of_lines) &
+         duration = experiment%excitation%t(2)
+      call complete_list(box%duration, duration)
       call complete_list(box%first, t(1))
       call complete_list(box%last, t(size(t)))
       call complete_list(box%step, (t(size(t)) - t(1))/max(1, size(t) - 1))

@@ -8,13 +8,12 @@ module beamid_parameters
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, function_of, &
-      is_coefficient, item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, kappa_R_at, &
-      kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_coefficients, most_items, &
-      n_parameters, no_spring, of_c_D, of_d_D, of_E, of_eta, of_g, of_gamma, of_I, of_J_T, &
-      of_length, &
-      of_m_T, of_rho, of_T, of_w_D, of_x_D, of_x_F, root, structure_t, tip, values_of, x_H_at, &
-      x_M_at, x_P_at, x_S_at
+   use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, &
+      function_of, is_coefficient, item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, &
+      kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_coefficients, &
+      most_items, n_parameters, no_spring, of_a_h, of_b, of_b_h, of_c_D, of_d, of_d_D, of_E, &
+      of_eta, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, of_T, of_w_D, of_x_D, &
+      of_x_F, root, structure_t, tip, values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
@@ -53,6 +52,9 @@ module beamid_parameters
       !> Moderate value: the scale of a fit that starts from zero, [unit of the parameter].
       type(monomial_t) :: moderate
       integer :: needs = 0            !< number of a parameter without which it has no effect
+      !> number of a parameter that must not be 0 for a fit to estimate this one, because it has no
+      !> effect then; 0: none
+      integer :: modifies = 0
       logical :: is_free = .true.     !< whether a fit may estimate it
       !> Whether a structure holds its reciprocal, for which a fit searches: the parameter may be
       !> infinite (a rigid spring).
@@ -103,6 +105,23 @@ module beamid_parameters
          help='axial force, positive in tension; its symbol is T'), &
       parameter_t(of_eta, 'eta', 'beam', [0, 0, 0], not_negative, '0', monomial_t(2e-2_wp), &
          help='loss factor of bending: the modulus is E(1 + i eta); not in time'), &
+      parameter_t(of_a_h, 'a_h', 'beam', [1, 1, -1], not_negative, '0', &
+         monomial_t(place=[the_stiffness, of_length, the_omega], power=[1, 1, -1]), &
+         needs=of_b_h, help='strength of spatial hysteresis, a damping between distant sections'), &
+      parameter_t(of_b_h, 'b_h', 'beam', [0, 1, 0], not_negative, '0', &
+         monomial_t(0.1_wp, [of_length, 0, 0]), modifies=of_a_h, &
+         help='range of spatial hysteresis, the standard deviation of its kernel'), &
+      parameter_t(of_d(1), 'd_1', 'beam', [0, 0, 0], not_negative, '0', monomial_t(5e-2_wp), &
+         needs=of_b(1), modifies=of_d(1), &
+         help='strength of time hysteresis: the modulus is E(1 + d_1 s/(s + b_1) + ...)'), &
+      parameter_t(of_b(1), 'b_1', 'beam', [0, 0, -1], not_negative, '0', &
+         monomial_t(place=[the_omega, 0, 0]), modifies=of_d(1), &
+         help='relaxation rate of time hysteresis'), &
+      parameter_t(of_d(2), 'd_2', 'beam', [0, 0, 0], not_negative, '0', monomial_t(5e-2_wp), &
+         needs=of_b(2), modifies=of_d(2), help='strength of the second relaxation'), &
+      parameter_t(of_b(2), 'b_2', 'beam', [0, 0, -1], not_negative, '0', &
+         monomial_t(10.0_wp, [the_omega, 0, 0]), modifies=of_d(2), &
+         help='rate of the second relaxation'), &
       parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
          monomial_t(place=[of_length, 0, 0]), help='position of the middle of the dip'), &
       parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &

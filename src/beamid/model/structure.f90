@@ -98,6 +98,10 @@ module beamid_structure
       real(wp) :: g = 0              !< acceleration of gravity, along the beam [length/time**2]
       real(wp) :: T = 0              !< axial force, tension > 0 [force]
       real(wp) :: eta = 0            !< loss factor: the modulus is E (1 + i eta) [1]
+      real(wp) :: a_h = 0            !< strength of spatial hysteresis [force time]
+      real(wp) :: b_h = 0            !< range of spatial hysteresis, a standard deviation [length]
+      !> strength [1] and rate [1/time] of two relaxations of the modulus, E (1 + sum d s/(s + b))
+      real(wp) :: d_1 = 0, b_1 = 0, d_2 = 0, b_2 = 0
       real(wp) :: x_D = 0            !< centre of a local reduction (dip) of the stiffness [length]
       real(wp) :: w_D = 0            !< width of the dip, a standard deviation [length]; 0: no dip
       real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
@@ -157,8 +161,9 @@ module beamid_structure
       of_c_D = nint(of%c_D), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
       of_eta = nint(of%eta), of_J_T = nint(of%J_T), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
-      of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
-      of_d_D = nint(of%d_D)
+      of_g = nint(of%g), of_T = nint(of%T), of_a_h = nint(of%a_h), of_b_h = nint(of%b_h), &
+      of_d(2) = nint([of%d_1, of%d_2]), of_b(2) = nint([of%b_1, of%b_2]), &
+      of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), of_d_D = nint(of%d_D)
    !> Numbers of the parameters of each end, (end) and (condition, end).
    integer, parameter, public :: kappa_w_at(2) = [nint(of%end(1)%kappa_w), &
       nint(of%end(2)%kappa_w)], c_w_at(2) = kappa_w_at + 1, kappa_R_at(2) = kappa_w_at + 2, &

@@ -7,13 +7,14 @@ module beamid_structure_checks
       parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: deflection, n_parameters, no_spring, of_E, of_eta, &
+   use beamid_structure, only: deflection, n_parameters, no_spring, of_d, of_E, of_eta, &
       of_g, of_I, of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
    use beamid_units, only: units_t
    implicit none
    private
 
-   public :: check_structure, check_axial_load, check_causal, add_unit_hint, furthest_parameter
+   public :: check_structure, check_axial_load, check_causal, check_local, add_unit_hint, &
+      furthest_parameter
 
    !> Largest axial force, as a multiple of E I/length**2. At this force the beam is 500 times as
    !> long as sqrt(E I/N), the length over which the force bends it. Under a larger tension the beam
@@ -249,20 +250,37 @@ contains
       call locate(error, trim(merge('force', 'g    ', k == of_T)))
    end subroutine check_axial_load
 
-   !> Refuses structural damping, which is defined for vibrations at one frequency: a stiffness
-   !> E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound Vib. 11,
-   !> 1970, 3).
+   !> Refuses structural damping in time, which is defined for vibrations at one frequency: a
+   !> stiffness E (1 + i eta) would make a structure move before the force acts (Crandall, J. Sound
+   !> Vib. 11, 1970, 3). Refuses derivatives with respect to a relaxation of strength 0, which has
+   !> no root.
    !>
    !> parameters  numbers of the parameters of derivatives
    subroutine check_causal(structure, parameters, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: parameters(:)
       type(error_t), allocatable, intent(out) :: error
+      integer :: l
 
       if (structure%eta > 0 .or. any(parameters == of_eta)) call failure(error, &
          'eta: found '//to_text(structure%eta)//' for a response in time, expected 0 and no '// &
          'derivative: a loss factor is not causal')
+      if (allocated(error)) return
+      do l = 1, size(of_d)
+         if (any(parameters == of_d(l)) .and. .not. structure%get(of_d(l)) > 0) call failure( &
+            error, 'd_'//to_text(l)//': found 0 for a derivative in time, expected a value above 0')
+      end do
    end subroutine check_causal
+
+   !> Refuses spatial hysteresis, which couples all points of the beam, for a solver with band
+   !> matrices.
+   subroutine check_local(structure, error)
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+
+      if (structure%a_h > 0) call failure(error, 'a_h: found '//to_text(structure%a_h)// &
+         ' with cvode, expected modal: spatial hysteresis couples all points of the beam')
+   end subroutine check_local
 
    !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is
    !> about an axial force far beyond the bending stiffness; leaves other errors unchanged.

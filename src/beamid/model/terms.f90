@@ -7,36 +7,38 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, deflection, J_M_at, &
-      J_S_at, &
-      k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_items, &
-      n_parameters, of_c_D, of_E, of_eta, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, &
-      of_T, of_x_F, root, rotation, structure_t, tip, values_of, x_H_at, x_M_at, x_P_at, x_S_at
+      J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, &
+      most_items, n_parameters, of_a_h, of_b_h, of_c_D, of_d, of_E, of_eta, of_g, of_gamma, of_I, &
+      of_J_T, of_length, of_m_T, of_rho, of_T, of_x_F, root, rotation, structure_t, tip, &
+      values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
    public :: term_t, terms, strengths, strengths_and_slopes, is_spring, &
       is_axial_force, tilting, operators, operator_t, operators_of, place_on_mesh
-   public :: of_mass, of_damping, of_stiffness, of_loss, of_load, of_compliance
+   public :: of_mass, of_damping, of_stiffness, of_loss, of_relaxation, of_load, &
+      of_compliance
    public :: inertia, bending, tip_value, tip_slope, end_condition, load_shape, &
-      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, &
+      is_end_condition, force_value, tension, weight, hysteresis, sensor_value, sensor_slope, &
       hose, hose_value, stretch
 
    !> Targets of a term: M, C, K, the imaginary part of the stiffness where Im s > 0 (structural
-   !> damping), F, and the compliance of a spring to the ground, whose reciprocal enters K.
-   integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_loss = 4, of_load = 5, &
-      of_compliance = 6
+   !> damping), the stiffness times s/(s + b) of two relaxations with the rates b, F, and the
+   !> compliance of a spring to the ground, whose reciprocal enters K.
+   integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_loss = 4, &
+      of_relaxation(2) = [5, 6], of_load = 7, of_compliance = 8
 
    !> Operators along the beam: `inertia` <b, b>, `bending` <b'', b''>, `tension` <b', b'>, `weight`
-   !> <(l - x) b', b'> (l - x: the part of the beam beyond x), and `load_shape` <theta, b> of a
-   !> distributed load. Operators at a point, products of the value or slope there (in F the value
-   !> itself): `tip_value`, `tip_slope`, `force_value`.
+   !> <(l - x) b', b'> (l - x: the part of the beam beyond x), `hysteresis` of `beamid_hysteresis`,
+   !> and `load_shape` <theta, b> of a distributed load. Operators at a point, products of the value
+   !> or slope there (in F the value itself): `tip_value`, `tip_slope`, `force_value`.
    integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, load_shape = 5, &
-      force_value = 6, tension = 7, weight = 8
+      force_value = 6, tension = 7, weight = 8, hysteresis = 9
    !> Value and slope at root and tip, the springs and dashpots that hold an end, (condition, end).
-   integer, parameter :: end_condition(2, 2) = reshape([9, 10, 11, 12], [2, 2])
+   integer, parameter :: end_condition(2, 2) = reshape([10, 11, 12, 13], [2, 2])
    !> Number of operators that belong to no attachment, and number of operators of the i-th
    !> attachments of all kinds together.
-   integer, parameter :: n_single = 12, n_each = 11
+   integer, parameter :: n_single = 13, n_each = 11
    !> Operators of each attachment: value and slope at the sensor, and `sensor_weight`, <b', b'>
    !> between the root and the sensor; value and slope at the support; value, slope and weight of a
    !> mass; the coordinate y of the hose, `stretch` y - u(x_H), and `hose_value` u(x_H). The last
@@ -56,8 +58,8 @@ module beamid_terms
       !> order of the derivative with respect to x taken at the point (0: value, 1: slope); -1: the
       !> operator is not at a point
       integer :: derivative = -1
-      !> number of the parameter for the position of the point, or of the end of an integral; 0:
-      !> root or tip
+      !> number of the parameter for the position of the point, for the end of an integral, or for
+      !> the range of a kernel; 0: root or tip
       integer :: place = 0
       !> whether it responds to a displacement of the whole structure: masses, air damping, and
       !> supports, which are connected to the ground; what holds an end moves with the base
@@ -71,6 +73,7 @@ module beamid_terms
       operator_t(1, moves_with_base=.true.), operator_t(-3), &
       operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), &
       operator_t(1), operator_t(0, 0, of_x_F), operator_t(-1), operator_t(0), &
+      operator_t(-1, place=of_b_h), &
       operator_t(0, 0), operator_t(-2, 1), operator_t(0, 0), operator_t(-2, 1), &
       (operator_t(0, 0, x_S_at(i), .true.), operator_t(-2, 1, x_S_at(i)), &
       operator_t(-1, place=x_S_at(i)), &
@@ -94,6 +97,9 @@ module beamid_terms
       term_t(of_damping, bending, monomial_t(place=[of_c_D, of_I, 0])), &
       term_t(of_damping, inertia, monomial_t(place=[of_gamma, 0, 0])), &
       term_t(of_loss, bending, monomial_t(place=[of_eta, of_E, of_I])), &
+      term_t(of_relaxation(1), bending, monomial_t(place=[of_d(1), of_E, of_I])), &
+      term_t(of_relaxation(2), bending, monomial_t(place=[of_d(2), of_E, of_I])), &
+      term_t(of_damping, hysteresis, monomial_t(place=[of_a_h, 0, 0])), &
       term_t(of_mass, tip_value, monomial_t(place=[of_m_T, 0, 0])), &
       term_t(of_mass, tip_slope, monomial_t(place=[of_J_T, 0, 0])), &
       term_t(of_load, force_value), &
@@ -135,7 +141,7 @@ contains
    !> Returns the coefficient of every operator in M, C, K and F.
    !>
    !> mesh_length  length of the beam for which the integrals of the mesh were computed [length]
-   !> s            (operators, 6) coefficients, one column for each target; `operators_of` is the
+   !> s            (operators, 8) coefficients, one column for each target; `operators_of` is the
    !>              number of operators
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
@@ -150,8 +156,8 @@ contains
    !>
    !> mesh_length  length of the beam for which the integrals of the mesh were computed [length]
    !> parameters   (n) numbers of the parameters
-   !> s            (operators, 6) coefficients
-   !> slopes       (operators, 6, n) derivatives of s
+   !> s            (operators, 8) coefficients
+   !> slopes       (operators, 8, n) derivatives of s
    pure subroutine strengths_and_slopes(structure, mesh_length, parameters, s, slopes)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
@@ -197,8 +203,8 @@ contains
       end do
    end subroutine strengths_and_slopes
 
-   !> Returns the position of an operator's point, or of the end of its integral, on the mesh, whose
-   !> beam has the length `mesh_length` [length].
+   !> Returns the position of an operator's point, or of the end of its integral, or the range of
+   !> its kernel, on the mesh, whose beam has the length `mesh_length` [length].
    pure real(wp) function place_on_mesh(operator, structure, mesh_length) result(x)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure

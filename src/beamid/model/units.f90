@@ -47,6 +47,7 @@ contains
             unit = joined(unit, power(labels(j), exponents(j)), '')
          end if
       end do
+      if (all(exponents <= 0) .and. any(exponents < 0 .and. labels /= '')) unit = '1'
       do j = 1, size(labels)
          if (exponents(j) < 0) unit = joined(unit, '', power(labels(j), -exponents(j)))
       end do
