@@ -1,5 +1,5 @@
 """The page of an output folder for report.py, of whatever commands have written it: identify,
-simulate, modes, frf, profile, sample, bootstrap, compare, design, ensemble."""
+simulate, modes, frf, profile, sample, bootstrap, compare, design, track, ensemble."""
 
 import html
 import math
@@ -15,6 +15,7 @@ import plot_intervals
 import plotting as p
 import numpy as np
 import signals as s
+import track_page
 from fit_page import value
 from model_curve import even, interpolated
 from output_folder import find_case
@@ -32,6 +33,7 @@ LEADS = {
     "bootstrap": "fitted resampled records",
     "compare": "compared several models of one record",
     "design": "compared experiments by the standard errors that they would give",
+    "track": "followed a parameter through a long record",
     "ensemble": "ran a command on many records"}
 #: Settings of an experiment in few words.
 SETTINGS = {"x_S": "sensor at", "x_S_2": "second sensor at", "x_F": "force at",
@@ -574,6 +576,7 @@ def document(outputs):
                                   ("frf.csv", ["frf"], frf_page.computed),
                                   ("models.csv", ["compare"], comparison),
                                   ("design.csv", ["design"], experiments),
+                                  ("track.csv", ["track"], track_page.followed),
                                   ("members.csv", ["ensemble"], ensemble)):
         if outputs.written_by(name, *commands):
             box, more = build(outputs)

@@ -99,7 +99,7 @@ contains
       needs_unit = key%kind == kind_real .and. all(group//' '//trim(key%name) /= &
          [character(len=22) :: 'along depth', 'excitation power', 'integrator rtol', &
          'beam eta', 'beam d_1', 'beam d_2', 'multistart spread', 'design target', &
-         'record coherence_least'])
+         'record coherence_least', 'track frequency_error'])
    end function needs_unit
 
    !> Every parameter that a fit may estimate; those of a dip or of a table need them in the case.

@@ -49,19 +49,19 @@ class Tracker:
             for window in tracker.feed(t, a):
                 print(window.last, window.estimate, window.flag)
 
-    The other arguments are those of `Problem`, which describes them with their units: `free`; `beam`,
-    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
-    `discretization`, `prior`; `units`; and any other group, `other`.
+    The other arguments are those of `Problem`, which describes them with their units: `free`;
+    `beam`, `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`,
+    `excitation`; `discretization`, `prior`; `units`; and any other group, `other`.
 
     Parameters
     ----------
     case : str or os.PathLike, optional
         Path of a case file with the group &track, as the only argument.
     track : mapping
-        `parameter`, the name of a parameter that is free; length `window` of a window and `hop` from
-        one window to the next [time]; `rate`, the standard deviation of its random walk [unit of
-        the parameter/sqrt(time)]; `frequency_error`, the standard deviation of the relative error of
-        the model's natural frequencies.
+        `parameter`, the name of a parameter that is free; length `window` of a window and `hop`
+        from one window to the next [time]; `rate`, the standard deviation of its random walk [unit
+        of the parameter/sqrt(time)]; `frequency_error`, the standard deviation of the relative
+        error of the model's natural frequencies.
     record : mapping, optional
         `scale`, `offset`, `sd`, `sensor` and other keys of a record.
 
@@ -116,4 +116,6 @@ class Tracker:
                     byref(rows))
             values = np.empty((rows.value, 8))
             call("beamid_track_rows", self._handle.number, rows.value, values.ctypes.data)
-        return [TrackedWindow(*map(float, row[:7]), _FLAGS[int(row[7])]) for row in values]
+        names = ("first", "last", "estimate", "lower", "upper", "misfit", "milliseconds")
+        return [TrackedWindow(flag=_FLAGS[int(row[7])], **dict(zip(names, row)))
+                for row in values.tolist()]

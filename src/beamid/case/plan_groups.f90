@@ -221,10 +221,11 @@ contains
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
       logical, intent(in) :: sound
-      type(track_plan_t), intent(inout) :: plan
+      type(track_plan_t), allocatable, intent(inout) :: plan
       character(len=:), allocatable :: name
       real(wp), allocatable :: rate
 
+      plan = track_plan_t(line=block%line)
       call block%get('parameter', name, 'name of the parameter that is followed; it is free in '// &
          'the last stage', required=.true.)
       call block%get('window', plan%window, 'length of a window', positive, required=.true.)
@@ -235,7 +236,8 @@ contains
          positive)
       call block%get('frequency_error', plan%frequency_error, 'standard deviation of the '// &
          'relative error of each natural frequency of the model, and of the error of each '// &
-         'damping ratio, as learned from a calibration; each interval allows for it', range_t(0, 0.1_wp))
+         'damping ratio, as learned from a calibration; each interval allows for it', &
+         range_t(0, 0.1_wp))
       call block%close()
       if (block%failed() .or. .not. sound) return
       if (allocated(rate)) plan%rate = rate

@@ -28,8 +28,8 @@ contains
          '''frf'', a frequency response function per unit force; ''modes'', natural '// &
          'frequencies and damping ratios', [character(len=5) :: 'time', 'frf', 'modes'])
       found%kind = kind
-      call block%get_file('file', found%path, 'path of the table with the measured values; ''-'': track '// &
-         'reads standard input', default='required, except by simulate', input=.true.)
+      call block%get_file('file', found%path, 'path of the table with the measured values; '// &
+         '''-'': track reads standard input', default='required, except by simulate', input=.true.)
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'factor that converts the record into an '// &
          'acceleration: acceleration = scale (value - offset); or factor of a frequency response')

@@ -66,7 +66,7 @@ module beamid_tracker
       type(quantity_t), allocatable :: quantities(:)      !< (n) the free parameters
       integer :: which = 0                                !< place of the parameter among them
       integer :: elements = 0                             !< of the mesh
-      !> relative change of the natural frequencies with twice as many elements
+      !> relative error of the natural frequencies that the mesh causes
       real(wp) :: mesh_error = 0
       type(window_search_t), private :: search
       real(wp), allocatable, private :: estimate(:)       !< (n) of the last window with a fit
@@ -100,7 +100,10 @@ module beamid_tracker
       apart = 4, doubtful = 2
    !> Largest number of elements that a refinement tries, and a mesh error that needs no refinement.
    integer, parameter :: finest = 64
-   real(wp), parameter :: precise = 5e-5_wp
+   real(wp), parameter :: precise = 2e-4_wp
+   !> Error of a mesh in changes to a mesh of twice as many elements. A support inside an element
+   !> makes the convergence irregular, and the errors of all modes have the same sign.
+   real(wp), parameter :: mesh_errors = 3
    !> Least relative error of a frequency: it keeps the equations regular.
    real(wp), parameter :: least_error = 1e-9_wp
    !> Energy of a motion that is seen, in variances of the noise.
@@ -143,7 +146,7 @@ contains
          call new_window_search(model, used, experiment, stage, tracker%which, finer, quantities, &
             error)
          if (allocated(error)) return
-         tracker%mesh_error = largest_change(tracker%search, finer)
+         tracker%mesh_error = mesh_errors*largest_change(tracker%search, finer)
          if (.not. refines .or. tracker%elements >= finest) exit
          if (tracker%mesh_error <= max(precise, plan%frequency_error/10)) exit
       end do
@@ -234,10 +237,12 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(found_t) :: found, other
       real(wp) :: total
+      integer :: unknowns
       logical :: is_due
 
       row%flag = 'gap'
-      if (size(t) < 2*(size(self%estimate) + self%search%problem%linear_unknowns()) + window_segments) then
+      unknowns = size(self%estimate) + self%search%problem%linear_unknowns()
+      if (size(t) < 2*unknowns + window_segments) then
          if (size(t) > 0) row%last = t(size(t))
          if (size(t) > 0) row%first = t(1)
          call self%extrapolate(row)

@@ -5,7 +5,7 @@ module beamid_sample_streams
    use beamid_errors, only: bad_input, error_t
    use beamid_headers, only: find_rows
    use beamid_kinds, only: ip, wp
-   use beamid_rows, only: reader_t
+   use beamid_rows, only: column_length, reader_t
    use beamid_series, only: find_columns
    use beamid_strings, only: to_text
    implicit none
@@ -16,7 +16,7 @@ module beamid_sample_streams
    !> A series of which some lines have been read.
    type :: sample_stream_t
       type(reader_t), private :: reader
-      character(len=:), allocatable, private :: names(:)   !< (2) columns, as in `read_series`
+      character(len=column_length), private :: names(2) = ''   !< columns, as in `read_series`
       integer, private :: columns(2) = 0
       character(len=:), allocatable, private :: header   !< lines before the first row
       character(len=:), allocatable, private :: rest     !< a line without its end

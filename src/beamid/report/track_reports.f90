@@ -27,9 +27,10 @@ contains
       type(tracked_t), intent(in) :: row
       character(len=:), allocatable :: line
 
-      line = full(row%first)//','//full(row%last)//','//trim(name)//','//end_of(row%estimate)//','// &
-         end_of(row%lower)//','//end_of(row%upper)//','//full(anint(1e4_wp*row%milliseconds)/1e4_wp) &
-         //','//trim(row%flag)//','//full(anint(1e6_wp*row%misfit)/1e6_wp)
+      line = full(row%first)//','//full(row%last)//','//trim(name)//','//end_of(row%estimate)// &
+         ','//end_of(row%lower)//','//end_of(row%upper)//','// &
+         full(anint(1e4_wp*row%milliseconds)/1e4_wp)//','//trim(row%flag)//','// &
+         full(anint(1e6_wp*row%misfit)/1e6_wp)
    end function track_row
 
    !> Returns a number, 'inf' if it is infinite, or nothing if there is no bound.
@@ -96,11 +97,11 @@ contains
             (rows%upper - rows%lower)/2, is_clear)))//unit_suffix(case%units%of_parameter( &
             case%track%parameter)))
       end if
-      call text%line('mesh: '//to_text(tracker%elements)//' elements; with twice as many, a '// &
-         'natural frequency changes by up to '//to_text(tracker%mesh_error)//' of itself, and '// &
-         'the intervals allow for that')
-      if (.not. case%track%frequency_error > 0) call text%line('the intervals contain no error of '// &
-         'the model; a calibration shows it (frequency_error of &track)')
+      call text%line('mesh: '//to_text(tracker%elements)//' elements; the '// &
+         'intervals allow for a relative error of the natural frequencies of '// &
+         to_text(tracker%mesh_error))
+      if (.not. case%track%frequency_error > 0) call text%line('the intervals contain no '// &
+         'error of the model; a calibration shows it (frequency_error of &track)')
       call text%line('processor time of a window, median: '//to_text(median( &
          rows%milliseconds))//' ms')
       summary = text%content()

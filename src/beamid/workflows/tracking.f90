@@ -16,8 +16,7 @@ module beamid_tracking
    implicit none
    private
 
-   public :: check_tracking, prepare_tracking, track_record, take_samples, standard_input, tracked_t, &
-      tracker_t
+   public :: prepare_tracking, track_record, take_samples, standard_input, tracked_t, tracker_t
 
    !> Name of a record that is read from standard input.
    character(len=*), parameter :: standard_input = '-'
