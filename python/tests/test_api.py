@@ -812,3 +812,42 @@ def test_bad_records_in_memory():
     with pytest.raises(beamid.InputError, match="averages"):
         fit_strip(beamid.FrequencyRecord(np.arange(5, 200), np.ones(195)*(1 + 1j),
                                          coherence=np.full(195, 0.9)))
+
+
+TRACK = dict(
+    beam=dict(length=0.5, rho=2.67, E=2e11, width=0.05, height=0.0066, c_D=5e6),
+    sensor=dict(m_S=0.03, x_S=0.34), support=dict(x_P=0.1), free=["x_P", "c_D", "offset"],
+    excitation=dict(kind="free", modes=2), discretization=dict(degree=5, elements=8),
+    track=dict(parameter="x_P", window=0.3, hop=0.1))
+
+
+def decay():
+    """A free decay of a beam on a support at 0.1 m, on the mesh of TRACK."""
+    t = np.arange(1, 1601)*5e-4
+    model = {name: TRACK[name] for name in ("beam", "sensor", "support")}
+    found = beamid.response(t, excitation=dict(kind="release", displacement=1e-3),
+                            discretization=dict(degree=5, elements=8, knots="uniform"), **model)
+    noise = np.random.default_rng(1).normal(scale=0.05, size=t.size)
+    return t, found.acceleration + noise
+
+
+def test_tracker_holds_the_position_in_blocks_of_any_size():
+    t, a = decay()
+    whole = beamid.Tracker(**TRACK).feed(t, a)
+    # Windows begin at 0.0005, 0.1005, ..., 0.4005 and are 0.3 long.
+    assert [round(window.first, 4) for window in whole] == [0.0005, 0.1005, 0.2005, 0.3005, 0.4005]
+    assert all(window.lower <= 0.1 <= window.upper for window in whole)
+    tracker = beamid.Tracker(**TRACK)
+    pieces = [window for k in range(0, t.size, 37)
+              for window in tracker.feed(t[k:k + 37], a[k:k + 37])]
+    assert [(w.estimate, w.flag) for w in pieces] == [(w.estimate, w.flag) for w in whole]
+
+
+def test_tracker_refuses_bad_samples():
+    tracker = beamid.Tracker(**TRACK)
+    tracker.feed([0.0, 0.1], [1.0, 2.0])
+    for t, a in (([0.1], [1.0]), ([0.3, 0.2], [1.0, 1.0]), ([np.nan], [1.0]), ([0.2, 0.3], [1.0])):
+        with pytest.raises(beamid.InputError):
+            tracker.feed(t, a)
+    with pytest.raises(beamid.InputError, match="track"):
+        beamid.Tracker(**{**TRACK, "track": None})

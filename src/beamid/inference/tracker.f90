@@ -48,8 +48,8 @@ module beamid_tracker
       real(wp) :: estimate = 0, lower = 0, upper = 0   !< with 95 % limits [unit of the parameter]
       !> share of the energy that the model does not explain
       real(wp) :: misfit = 1
-      !> '': none. 'moving': the parameter moves in the window. 'unseen': no motion that could
-      !> determine it. 'gap': too few samples
+      !> '': none. 'moving': the parameter moves in the window. 'unseen': the motion does not
+      !> stand out of the noise. 'gap': too few samples
       character(len=6) :: flag = ''
       real(wp) :: milliseconds = 0         !< processor time that the window took
    end type tracked_t
@@ -347,7 +347,8 @@ contains
       if (any(left/found%segments%rows > mean*max(uneven, 1 + deviations*sqrt(2.0_wp &
          /found%segments%rows)))) return
       if (sum(left) > gross*total .and. variance > above_floor*self%floor) return
-      if (.not. found%has_settled) return
+      if (sum(left) > total/2) flag = 'unseen'
+      if (.not. found%has_settled .or. flag == 'unseen') return
       flag = ''
    end function flag_of
 
@@ -364,6 +365,12 @@ contains
 
       if (row%flag == 'unseen') then
          call self%extrapolate(row)
+         if (.not. found%sum_of_squares < total) return
+         row%misfit = found%sum_of_squares/total
+         row%estimate = as_named(self%plan%parameter, found%p(self%which) &
+            + found%step%change(self%which))
+         row%lower = min(row%lower, row%estimate)
+         row%upper = max(row%upper, row%estimate)
          return
       end if
       p = size(found%step%change)
