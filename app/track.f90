@@ -44,12 +44,20 @@ contains
          call progress%finish()
       end if
       if (allocated(error)) return
-      call add_track(output, tracker%name(), rows)
+      call add_track(output, tracker%name(), unit_of(case), rows)
       call deliver(output, track_summary(case, tracker, rows), settings, case%name, error, &
          case, is_printed=.not. is_stream)
       if (.not. allocated(error) .and. .not. any(rows%flag == '')) call failure(error, &
          case%path//': no window determines '//trim(tracker%name()))
    end subroutine run_track
+
+   !> Returns the unit of the parameter.
+   function unit_of(case) result(unit)
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: unit
+
+      unit = trim(case%units%of_parameter(case%track%parameter))
+   end function unit_of
 
    !> Follows the samples of standard input, and prints each row of the table at once.
    subroutine follow_input(case, tracker, rows, error)
@@ -80,7 +88,8 @@ contains
          call take_samples(case, tracker, t, z, new, error)
          if (allocated(error)) return
          do k = 1, size(new)
-            call print_text(track_row(tracker%name(), new(k))//new_line('a'), error)
+            call print_text(track_row(tracker%name(), unit_of(case), new(k))// &
+               new_line('a'), error)
             if (allocated(error)) return
          end do
          if (n + size(new) > size(rows)) rows = [rows(:n), new, rows(:n), new]

@@ -13,13 +13,14 @@ FLAGS = (("moving", p.ORANGE), ("unseen", p.GREY), ("gap", p.PURPLE))
 
 
 def read_track(directory):
-    """The columns of track.csv by name, nan where a limit is missing; flags as texts."""
+    """The parameter, its unit, and the columns of track.csv by name: nan where a limit is missing,
+    flags as texts."""
     names = ("t_first", "t_last", "estimate", "lower95", "upper95", "misfit")
-    rows = p.read_table(directory / "track.csv", "parameter", "flag", *names)
+    rows = p.read_table(directory / "track.csv", "parameter", "flag", "unit", *names)
     columns = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     columns["flag"] = np.array([row["flag"] for row in rows])
     columns["middle"] = (columns["t_first"] + columns["t_last"]) / 2
-    return rows[0]["parameter"], columns
+    return rows[0]["parameter"], rows[0]["unit"], columns
 
 
 def read_reference(path, columns):
@@ -51,7 +52,7 @@ def metrics(track, truth):
                 held=np.mean(held), windows=int(clear.sum()))
 
 
-def draw(name, track, units, truth=None):
+def draw(name, unit, track, time, truth=None):
     """A panel for the parameter and one for the misfit; returns the figure."""
     figure, (above, below) = p.plt.subplots(2, sharex=True, figsize=(7.5, 6), height_ratios=(3, 1))
     t, clear = track["middle"], track["flag"] == ""
@@ -71,11 +72,11 @@ def draw(name, track, units, truth=None):
     if truth is not None:
         above.plot(t, truth, color="black", linewidth=0.9, label="reference")
     above.set_ylim(low, high)
-    above.set_ylabel(p.with_unit(p.symbol(name), units.get(name, "")))
+    above.set_ylabel(p.with_unit(p.symbol(name), unit))
     above.legend(markerscale=4, ncols=3, loc="best")
     below.plot(t, track["misfit"], color=p.GREY, linewidth=0.9)
     below.set(ylim=(0, 1), ylabel="unexplained share")
-    below.set_xlabel(p.with_unit("middle of the window", units.get("time", "")))
+    below.set_xlabel(p.with_unit("middle of the window", time))
     return figure
 
 
@@ -91,7 +92,7 @@ def main():
     parser.add_argument("--out", metavar="FILE", help="picture (default: DIR/track.png)")
     arguments = parser.parse_args()
 
-    name, track = read_track(arguments.directory)
+    name, unit, track = read_track(arguments.directory)
     truth = None
     if arguments.reference:
         measured = of_windows(track, read_reference(arguments.reference, arguments.columns))
@@ -107,7 +108,8 @@ def main():
               f"{found['windows']} windows without a flag: rms {found['rms']:.4g}, "
               f"MSE {found['mse']:.4g}, SNR {found['snr']:.1f} dB, TRAC {found['trac']:.6f}\n"
               f"{100 * found['held']:.1f} % of their intervals hold the reference")
-    figure = draw(name, track, plot_fit.read_units(arguments.directory), truth)
+    time = plot_fit.read_units(arguments.directory).get("time", "")
+    figure = draw(name, unit, track, time, truth)
     figure.suptitle(f"{p.case_name(arguments.directory)}: {p.symbol(name)} in each window")
     p.save(figure, Path(arguments.out or arguments.directory / "track.png"))
 

@@ -12,8 +12,8 @@ FLAGS = {"moving": ("orange", "one set of parameters does not explain the window
 
 def followed(outputs):
     """Returns the verdict box and the sections of a followed parameter."""
-    name, track = plot_track.read_track(outputs.folder)
-    unit, time = outputs.units.get(name), outputs.units.get("time")
+    name, unit, track = plot_track.read_track(outputs.folder)
+    time = outputs.units.get("time")
     clear = track["flag"] == ""
     count = len(clear)
     points = [f"{(track['flag'] == flag).sum()} windows are flagged `{flag}`: {meaning}."

@@ -162,7 +162,7 @@ contains
          'x_P in 85 windows of 0.3|mesh: 12 elements; '), outcome%out)
       table = read_file('out/track/track.csv')
       call check('its columns', index(table, &
-         't_first,t_last,parameter,estimate,lower95,upper95,latency_ms,flag,misfit'//nl) == 1)
+         't_first,t_last,parameter,estimate,lower95,upper95,latency_ms,flag,misfit,unit'//nl) == 1)
       call check('a row for each window', line_count(table) == 86)
       clear = 0
       flagged = 0

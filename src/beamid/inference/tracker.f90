@@ -16,11 +16,11 @@ module beamid_tracker
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named
-   use beamid_segments, only: step_t
    use beamid_simulation, only: model_t
    use beamid_statistics, only: unlimited
    use beamid_unknowns, only: quantity_t, stage_t
    use beamid_variables, only: unbounded
+   use beamid_window_judgements, only: flag_of, noise_of, precision_of, precision_t
    use beamid_window_searches, only: found_t, largest_change, new_window_search, &
       window_search_t, window_segments
    implicit none
@@ -76,28 +76,16 @@ module beamid_tracker
       integer, private :: held = 0                        !< number of them
       integer, private :: windows = 0                     !< number of finished windows
       real(wp), private :: begin = 0                      !< first sample of all [time]
-      !> least mean square of the residuals of any window [unit of a row]
+      !> least mean square of the residuals of any window, at most the stated noise, 1
       real(wp), private :: floor = huge(1.0_wp)
       real(wp), private :: basin = unbounded   !< narrowest minimum that was met
       real(wp), private :: searched = -huge(1.0_wp)   !< time of the last search for other minima
    contains
       procedure :: take
       procedure :: name => parameter_name
-      procedure, private :: fit_window
-      procedure, private :: look_around
-      procedure, private :: judge
-      procedure, private :: flag_of
-      procedure, private :: remember
-      procedure, private :: extrapolate
-      procedure, private :: reach
+      procedure, private :: fit_window, look_around, judge, remember, extrapolate, reach
    end type tracker_t
 
-   !> A window moves if the mean square of a segment exceeds that of the window by the first factor
-   !> and by so many standard deviations; if it leaves this share of the energy unexplained, and
-   !> residuals of so many times the least of all windows; or if its halves differ by so many
-   !> standard errors. From 2 standard errors on, the interval is widened.
-   real(wp), parameter :: uneven = 2.25_wp, deviations = 5, gross = 0.0625_wp, above_floor = 9, &
-      apart = 4, doubtful = 2
    !> Largest number of elements that a refinement tries, and a mesh error that needs no refinement.
    integer, parameter :: finest = 64
    real(wp), parameter :: precise = 2e-4_wp
@@ -106,9 +94,6 @@ module beamid_tracker
    real(wp), parameter :: mesh_errors = 3
    !> Least relative error of a frequency: it keeps the equations regular.
    real(wp), parameter :: least_error = 1e-9_wp
-   !> Energy of a motion that is seen, in variances of the noise.
-   real(wp), parameter :: visible = 50
-
 contains
 
    !> Makes a tracker that has seen no samples. It must not be copied.
@@ -152,11 +137,10 @@ contains
       end do
       tracker%search%frequency_error = hypot(plan%frequency_error, max(tracker%mesh_error, &
          least_error))
-      tracker%estimate = tracker%search%variables%start
-      tracker%estimate = [tracker%estimate, 0*tracker%search%omega, 0*tracker%search%omega]
+      tracker%estimate = [tracker%search%variables%start, 0*tracker%search%omega, &
+         0*tracker%search%omega]
       tracker%trusted = tracker%estimate
       allocate (tracker%memory(0), tracker%t(4096), tracker%z(4096))
-      ! Weighted rows are in units of the noise that the record states.
       if (tracker%search%problem%is_weighted()) tracker%floor = 1
       associate (q => tracker%quantities(tracker%which))
          if (q%is_reciprocal() .and. plan%rate < unlimited) tracker%plan%rate = plan%rate/q%start**2
@@ -255,7 +239,8 @@ contains
       total = (norm2(z - sum(z)/size(z))*self%search%problem%weight(1))**2
       call self%search%descend(self%estimate, found, error)
       if (allocated(error)) return
-      row%flag = self%flag_of(found, total)
+      self%floor = min(self%floor, noise_of(found))
+      row%flag = flag_of(found, total, self%floor)
       is_due = row%first - self%searched >= self%plan%window/8
       if (is_due .and. (self%windows == 0 .or. row%flag == 'moving')) then
          self%searched = row%first
@@ -263,7 +248,8 @@ contains
          if (allocated(error)) return
          if (other%sum_of_squares < found%sum_of_squares) then
             found = other
-            row%flag = self%flag_of(found, total)
+            self%floor = min(self%floor, noise_of(found))
+            row%flag = flag_of(found, total, self%floor)
          end if
       end if
       call self%judge(found, total, row)
@@ -323,47 +309,19 @@ contains
       if (is_found .and. .not. allocated(error)) call self%search%descend(start, found, error)
    end subroutine look_around
 
-   !> Returns the flag of a fit: '', 'moving' or 'unseen'.
+   !> Computes the estimate of a window and its interval.
    !>
    !> total  energy of the window about its mean, in weighted rows
-   function flag_of(self, found, total) result(flag)
-      class(tracker_t), intent(inout) :: self
-      type(found_t), intent(in) :: found
-      real(wp), intent(in) :: total
-      character(len=6) :: flag
-      real(wp) :: left(window_segments), mean, variance
-      integer :: m, p
-
-      flag = 'unseen'
-      if (.not. found%sum_of_squares < huge(total)) return
-      p = size(found%step%change)
-      m = sum(found%segments%rows)
-      left = found%squares
-      mean = sum(left)/m
-      variance = sum(left)/(m - p)
-      if (.not. self%search%problem%is_weighted()) self%floor = min(self%floor, variance)
-      if (total - sum(left) < visible*variance) return
-      flag = 'moving'
-      if (any(left/found%segments%rows > mean*max(uneven, 1 + deviations*sqrt(2.0_wp &
-         /found%segments%rows)))) return
-      if (sum(left) > gross*total .and. variance > above_floor*self%floor) return
-      if (sum(left) > total/2) flag = 'unseen'
-      if (.not. found%has_settled .or. flag == 'unseen') return
-      flag = ''
-   end function flag_of
-
-   !> Computes the estimate of a window and its interval.
    subroutine judge(self, found, total, row)
       class(tracker_t), intent(inout) :: self
       type(found_t), intent(in) :: found
       real(wp), intent(in) :: total
       type(tracked_t), intent(inout) :: row
-      type(step_t) :: early, late
-      real(wp) :: half, plain, robust, variance, left, difference, error_of_difference, doubt
-      logical :: fixed(size(found%step%change))
-      integer :: m, n, p
+      type(precision_t) :: precision
 
-      if (row%flag == 'unseen') then
+      if (row%flag /= 'unseen') precision = precision_of(found, self%which)
+      if (row%flag == 'unseen' .or. .not. precision%variance > 0) then
+         row%flag = 'unseen'
          call self%extrapolate(row)
          if (.not. found%sum_of_squares < total) return
          row%misfit = found%sum_of_squares/total
@@ -373,32 +331,14 @@ contains
          row%upper = max(row%upper, row%estimate)
          return
       end if
-      p = size(found%step%change)
-      m = sum(found%segments%rows)
-      left = found%sum_of_squares
-      row%misfit = left/total
-      plain = found%variance*found%step%inverse(self%which, self%which)
-      robust = found%segments%robust_variance(self%which, found%step, found%variance)
-      variance = max(plain, robust)
-      fixed = [(.not. found%step%inverse(n, n) > 0, n=1, p)]
-      early = found%segments%step(1, window_segments/2, fixed)
-      late = found%segments%step(window_segments/2 + 1, window_segments, fixed)
-      doubt = 0
-      if (early%is_regular .and. late%is_regular) then
-         difference = abs(early%change(self%which) - late%change(self%which))
-         error_of_difference = sqrt(found%variance*(early%inverse(self%which, self%which) &
-            + late%inverse(self%which, self%which))*variance/plain)
-         if (difference > doubtful*error_of_difference) doubt = difference
-         if (difference > apart*error_of_difference .and. row%flag == '') row%flag = 'moving'
-      end if
-      ! Normal quantile for known degrees of freedom, Student's for the scatter of the segments.
-      half = sqrt(max(1.960_wp**2*plain, 2.262_wp**2*robust)) + doubt
+      row%misfit = found%sum_of_squares/total
+      if (precision%contradicts .and. row%flag == '') row%flag = 'moving'
       self%estimate = self%search%move(found%p, found%step%change)
       associate (q => self%quantities(self%which))
          q%searched = self%estimate(self%which)
-         call place(q, half, row)
+         call place(q, precision%half_width, row)
       end associate
-      if (row%flag == '') call self%remember(row, found, variance, total)
+      if (row%flag == '') call self%remember(row, found, precision%variance, total)
    end subroutine judge
 
    !> Sets estimate and limits of a row from the searched variable of a quantity.

@@ -15,22 +15,22 @@ module beamid_track_reports
    public :: add_track, track_header, track_row, track_summary
 
    character(len=*), parameter :: track_header = &
-      't_first,t_last,parameter,estimate,lower95,upper95,latency_ms,flag,misfit'
+      't_first,t_last,parameter,estimate,lower95,upper95,latency_ms,flag,misfit,unit'
 
 contains
 
    !> Returns a row of track.csv.
    !>
-   !> name  of the parameter
-   function track_row(name, row) result(line)
-      character(len=*), intent(in) :: name
+   !> name, unit  of the parameter
+   function track_row(name, unit, row) result(line)
+      character(len=*), intent(in) :: name, unit
       type(tracked_t), intent(in) :: row
       character(len=:), allocatable :: line
 
       line = full(row%first)//','//full(row%last)//','//trim(name)//','//end_of(row%estimate)// &
          ','//end_of(row%lower)//','//end_of(row%upper)//','// &
          full(anint(1e4_wp*row%milliseconds)/1e4_wp)//','//trim(row%flag)//','// &
-         full(anint(1e6_wp*row%misfit)/1e6_wp)
+         full(anint(1e6_wp*row%misfit)/1e6_wp)//','//unit
    end function track_row
 
    !> Returns a number, 'inf' if it is infinite, or nothing if there is no bound.
@@ -44,16 +44,16 @@ contains
    end function end_of
 
    !> Adds track.csv.
-   subroutine add_track(output, name, rows)
+   subroutine add_track(output, name, unit, rows)
       type(output_t), intent(inout) :: output
-      character(len=*), intent(in) :: name
+      character(len=*), intent(in) :: name, unit
       type(tracked_t), intent(in) :: rows(:)
       type(text_t) :: table
       integer :: k
 
       call table%line(track_header)
       do k = 1, size(rows)
-         call table%line(track_row(name, rows(k)))
+         call table%line(track_row(name, unit, rows(k)))
       end do
       call output%add('track.csv', table%content())
    end subroutine add_track
