@@ -95,10 +95,16 @@ contains
    !> Returns the memory of arrays that loading or fitting long records has left.
    subroutine return_memory_of(found)
       type(case_fit_t), intent(in) :: found
-      integer :: k
+      integer :: k, samples
 
       if (.not. allocated(found%experiments)) return
-      call return_memory(sum([(size(found%experiments(k)%measured), k=1, size(found%experiments))]))
+      samples = 0
+      do k = 1, size(found%experiments)
+         ! A record that could not be read has no samples.
+         if (allocated(found%experiments(k)%measured)) samples = samples &
+            + size(found%experiments(k)%measured)
+      end do
+      call return_memory(samples)
    end subroutine return_memory_of
 
    !> Fits experiments with the stages of a case, from one start or from several, on the given
