@@ -44,11 +44,11 @@ contains
          call progress%finish()
       end if
       if (allocated(error)) return
-      call add_track(output, tracker%name(), unit_of(case), rows)
+      call add_track(output, trim(tracker%name), unit_of(case), rows)
       call deliver(output, track_summary(case, tracker, rows), settings, case%name, error, &
          case, is_printed=.not. is_stream)
       if (.not. allocated(error) .and. .not. any(rows%flag == '')) call failure(error, &
-         case%path//': no window determines '//trim(tracker%name()))
+         case%path//': no window determines '//trim(tracker%name))
    end subroutine run_track
 
    !> Returns the unit of the parameter.
@@ -88,7 +88,7 @@ contains
          call take_samples(case, tracker, t, z, new, error)
          if (allocated(error)) return
          do k = 1, size(new)
-            call print_text(track_row(tracker%name(), unit_of(case), new(k))// &
+            call print_text(track_row(trim(tracker%name), unit_of(case), new(k))// &
                new_line('a'), error)
             if (allocated(error)) return
          end do

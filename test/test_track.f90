@@ -237,6 +237,12 @@ contains
       outcome = run('(head -n 800 both.csv; printf "0.4,"; printf "1") | '//program_path// &
          ' track input.nml --out out/cut')
       call check('an input that stops inside a line', outcome%status == 0, outcome%err)
+      outcome = run('(head -n 800 both.csv; sed 1d both.csv | sed ''s/^/9/'') | '//program_path// &
+         ' track input.nml --out out/gap')
+      table = read_file('out/gap/track.csv')
+      call check('a gap has one row', outcome%status == 0 .and. line_count(table) < 130 .and. &
+         index(table, ',gap,') > 0 .and. index(table, ',gap,') == index(table, ',gap,', .true.), &
+         outcome%err)
       outcome = run('(head -n 800 both.csv; echo wrong,1) | '//program_path// &
          ' track input.nml --out out/wrong')
       call check('a wrong line, status 2', outcome%status == 2 .and. has_all(outcome%err, &
@@ -255,6 +261,8 @@ contains
       call refuse('an unknown parameter', replaced(track, 'parameter=''x_P''', &
          'parameter=''y_P'''), '&track parameter: found |y_P')
       call refuse('no hop', replaced(track, ' hop=0.02,', ''), '&track hop: found nothing')
+      call refuse('a tiny hop', replaced(track, 'hop=0.02', 'hop=1e-9'), &
+         '&track hop: found 1E-09|at least window/100000')
       call refuse('a negative window', replaced(track, 'window=0.3', 'window=-1'), &
          '&track window: found -1')
       call refuse('thinning', replaced(track, '''both.csv''', '''both.csv'', thin=4'), &

@@ -18,7 +18,7 @@ module beamid_tracker
    use beamid_parameters, only: as_named
    use beamid_simulation, only: model_t
    use beamid_statistics, only: unlimited
-   use beamid_unknowns, only: quantity_t, stage_t
+   use beamid_unknowns, only: name_length, quantity_t, stage_t
    use beamid_variables, only: unbounded
    use beamid_window_judgements, only: flag_of, noise_of, precision_of, precision_t
    use beamid_window_searches, only: found_t, largest_change, new_window_search, &
@@ -65,6 +65,7 @@ module beamid_tracker
       type(track_plan_t) :: plan
       type(quantity_t), allocatable :: quantities(:)      !< (n) the free parameters
       integer :: which = 0                                !< place of the parameter among them
+      character(len=name_length) :: name = ''             !< of the parameter
       integer :: elements = 0                             !< of the mesh
       !> relative error of the natural frequencies that the mesh causes
       real(wp) :: mesh_error = 0
@@ -75,14 +76,15 @@ module beamid_tracker
       real(wp), allocatable, private :: t(:), z(:)        !< samples that later windows may use
       integer, private :: held = 0                        !< number of them
       integer, private :: windows = 0                     !< number of finished windows
-      real(wp), private :: begin = 0                      !< first sample of all [time]
+      !> first sample behind the last empty window [time], and number of windows since then
+      real(wp), private :: begin = 0
+      integer, private :: since = 0
       !> least mean square of the residuals of any window, at most the stated noise, 1
       real(wp), private :: floor = huge(1.0_wp)
       real(wp), private :: basin = unbounded   !< narrowest minimum that was met
       real(wp), private :: searched = -huge(1.0_wp)   !< time of the last search for other minima
    contains
       procedure :: take
-      procedure :: name => parameter_name
       procedure, private :: fit_window, look_around, judge, remember, extrapolate, reach
    end type tracker_t
 
@@ -94,6 +96,7 @@ module beamid_tracker
    real(wp), parameter :: mesh_errors = 3
    !> Least relative error of a frequency: it keeps the equations regular.
    real(wp), parameter :: least_error = 1e-9_wp
+
 contains
 
    !> Makes a tracker that has seen no samples. It must not be copied.
@@ -143,17 +146,10 @@ contains
       allocate (tracker%memory(0), tracker%t(4096), tracker%z(4096))
       if (tracker%search%problem%is_weighted()) tracker%floor = 1
       associate (q => tracker%quantities(tracker%which))
+         tracker%name = q%name
          if (q%is_reciprocal() .and. plan%rate < unlimited) tracker%plan%rate = plan%rate/q%start**2
       end associate
    end subroutine new_tracker
-
-   !> Returns the name of the parameter.
-   function parameter_name(self) result(name)
-      class(tracker_t), intent(in) :: self
-      character(len=len(self%quantities%name)) :: name
-
-      name = self%quantities(self%which)%name
-   end function parameter_name
 
    !> Takes samples, and fits every window that they complete.
    !>
@@ -174,7 +170,7 @@ contains
       allocate (rows(0))
       m = size(t)
       if (m == 0) return
-      if (self%held == 0 .and. self%windows == 0) self%begin = t(1)
+      if (self%held == 0 .and. self%since == 0) self%begin = t(1)
       if (self%held + m > size(self%t)) then
          self%t = [self%t(:self%held), spread(0.0_wp, 1, self%held + 2*m)]
          self%z = [self%z(:self%held), spread(0.0_wp, 1, self%held + 2*m)]
@@ -185,7 +181,7 @@ contains
       from = 1
       to = 0
       do
-         first = self%begin + self%windows*self%plan%hop - slack*self%plan%window
+         first = self%begin + self%since*self%plan%hop - slack*self%plan%window
          if (self%t(self%held) < first + self%plan%window) exit
          do while (self%t(from) < first)
             from = from + 1
@@ -198,8 +194,14 @@ contains
          call self%fit_window(self%t(from:to), self%z(from:to), row, error)
          if (allocated(error)) return
          call cpu_time(after)
-         if (from > to) row%first = first + slack*self%plan%window
-         if (from > to) row%last = row%first + self%plan%window
+         self%since = self%since + 1
+         if (from > to) then
+            ! One row stands for all empty windows of a gap.
+            row%first = first + slack*self%plan%window
+            row%last = row%first + self%plan%window
+            self%begin = self%t(from)
+            self%since = 0
+         end if
          row%milliseconds = 1e3_wp*(after - before)
          rows = [rows, row]
          self%windows = self%windows + 1

@@ -63,7 +63,7 @@ contains
    !> rows  one or more
    function track_summary(case, tracker, rows) result(summary)
       type(case_t), intent(in) :: case
-      type(tracker_t), intent(inout) :: tracker
+      type(tracker_t), intent(in) :: tracker
       type(tracked_t), intent(in) :: rows(:)
       character(len=:), allocatable :: summary
       character(len=6), parameter :: flags(3) = ['moving', 'unseen', 'gap   ']
@@ -76,7 +76,7 @@ contains
       character(len=:), allocatable :: name
       integer :: k, n
 
-      name = trim(tracker%name())
+      name = trim(tracker%name)
       is_clear = rows%flag == ''
       call text%line(case%name//': '//trim(name)//' in '//to_text(size(rows))//' windows of '// &
          to_text(case%track%window)//unit_suffix(case%units%time)//', from t = '// &

@@ -20,6 +20,8 @@ module beamid_tracking
 
    !> Name of a record that is read from standard input.
    character(len=*), parameter :: standard_input = '-'
+   !> Largest number of windows that a sample is in.
+   integer, parameter :: most_windows = 100000
 
 contains
 
@@ -30,6 +32,9 @@ contains
 
       if (.not. allocated(case%track)) then
          call refuse(case%path, 0, 'track', 'no such group', 'one', error)
+      else if (case%track%hop < case%track%window/most_windows) then
+         call refuse(case%path, case%track%line, 'track hop', to_text(case%track%hop), &
+            'at least window/'//to_text(most_windows), error)
       else if (size(case%recordings) /= 1) then
          call refuse(case%path, 0, 'record', to_text(size(case%recordings))//' such groups', &
             'one', error)
