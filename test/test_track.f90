@@ -237,6 +237,10 @@ contains
       outcome = run('(head -n 800 both.csv; printf "0.4,"; printf "1") | '//program_path// &
          ' track input.nml --out out/cut')
       call check('an input that stops inside a line', outcome%status == 0, outcome%err)
+      outcome = run('awk ''BEGIN {print "t,a"; for (; k < 2000; k++) print k/2000 ",1.5"}'' | '// &
+         program_path//' track input.nml --out out/constant')
+      call check('a constant record determines nothing, status 1', outcome%status == 1 .and. &
+         index(read_file('out/constant/track.csv'), ',unseen,') > 0, outcome%err)
       outcome = run('(head -n 800 both.csv; sed 1d both.csv | sed ''s/^/9/'') | '//program_path// &
          ' track input.nml --out out/gap')
       table = read_file('out/gap/track.csv')
@@ -267,6 +271,8 @@ contains
          '&track window: found -1')
       call refuse('thinning', replaced(track, '''both.csv''', '''both.csv'', thin=4'), &
          '&record: found thin')
+      call refuse('a function along the beam', replaced(track, 'free=''x_P'',''c_D''', &
+         'free=''x_P'',''E(x)'''), '&stage free: found E(x)')
       call refuse('a known force', replaced(track, 'kind=''free'', modes=2', &
          'kind=''pulse'', amplitude=1, duration=0.01'), '&excitation kind')
       call refuse('two records', track//'&record file=''both.csv'' /'//nl, '&record: found 2')

@@ -228,9 +228,10 @@ contains
 
       row%flag = 'gap'
       unknowns = size(self%estimate) + self%search%problem%linear_unknowns()
-      if (size(t) < 2*unknowns + window_segments) then
-         if (size(t) > 0) row%last = t(size(t))
-         if (size(t) > 0) row%first = t(1)
+      total = (norm2(z - sum(z)/max(1, size(z)))*self%search%problem%weight(1))**2
+      if (size(t) >= 2*unknowns + window_segments .and. .not. total > 0) row%flag = 'unseen'
+      if (size(t) < 2*unknowns + window_segments .or. .not. total > 0) then
+         if (size(t) > 0) row = tracked_t(first=t(1), last=t(size(t)), flag=row%flag)
          call self%extrapolate(row)
          return
       end if
@@ -238,7 +239,6 @@ contains
       row%last = t(size(t))
       call self%search%set_window(t, z)
       call self%reach(t(1), (t(1) + t(size(t)))/2, self%search%centre, self%search%variance)
-      total = (norm2(z - sum(z)/size(z))*self%search%problem%weight(1))**2
       call self%search%descend(self%estimate, found, error)
       if (allocated(error)) return
       self%floor = min(self%floor, noise_of(found))

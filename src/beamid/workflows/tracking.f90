@@ -12,6 +12,7 @@ module beamid_tracking
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: to_text
+   use beamid_structure, only: is_coefficient
    use beamid_tracker, only: new_tracker, tracked_t, tracker_t
    implicit none
    private
@@ -53,6 +54,9 @@ contains
       else if (.not. any(case%stages(size(case%stages))%free == case%track%parameter)) then
          call refuse(case%path, case%track%line, 'track parameter', 'a parameter that is fixed', &
             'one that is free in the last &stage', error)
+      else if (any(is_coefficient(case%stages(size(case%stages))%free))) then
+         call refuse(case%path, case%stage_lines(size(case%stages)), 'stage free', &
+            'E(x) or c_D(x)', 'single parameters, because a window determines no function', error)
       else
          call check_elements(case, needs_fit, error)
       end if
