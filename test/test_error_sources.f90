@@ -169,7 +169,8 @@ contains
          call check_close('free or held: E is as uncertain', s%std_error(1), &
             hypot(held(1)%statistics%std_error(1), held(1)%from_held(1)), 0.02_wp*s%std_error(1))
          variance = sum(f%residual(:m)**2)/(m - n + 1)
-         pull = dot_product(f%jacobian(:m, k), f%residual(:m))/free(1)%noise**2*sd &
+         ! The residuals are orthogonal to the columns of the linear unknowns.
+         pull = dot_product(free(1)%jacobian(:m, k), f%residual(:m))/free(1)%noise**2*sd &
             + (f%estimate(k) - truth%length)/sd
          ! In standard deviations: where the search stops.
          call check_close('free or held: the pulls are balanced', pull, 0.0_wp, 1e-4_wp)
