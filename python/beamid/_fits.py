@@ -537,7 +537,7 @@ class Problem:
         Names of the units in texts and tables: `length`, `mass`, `time`, `force`.
     **other
         Any other group of a case file. A fit ignores the groups of other functions: `noise`,
-        `design`, `ensemble` and `draw`.
+        `design`, `track`, `ensemble` and `draw`.
 
     Raises
     ------
