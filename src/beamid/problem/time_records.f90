@@ -44,7 +44,7 @@ module beamid_time_records
       procedure :: kind
       procedure :: keep_beginning
       procedure :: keep_sample
-      procedure, private :: find_modes, free_motion
+      procedure, private :: find_decay, find_modes, free_motion
    end type time_record_t
 
 contains
@@ -199,24 +199,14 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
-      type(equations_t), target :: equations
       type(free_mode_t), allocatable :: modes(:)
-      type(seen_modes_t) :: before
       type(decay_rows_t) :: rows
       logical :: is_decay
-      integer :: k
 
-      before = first
-      is_decay = self%has_rows(excitation)
-      if (is_decay) then
-         equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
-         call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
-            error)
-         if (allocated(error)) return
-         is_decay = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
-      end if
+      call self%find_decay(model, structure, excitation, parameters, first, modes, is_decay, work, &
+         error)
+      if (allocated(error)) return
       if (.not. is_decay) then
-         first = before
          call condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
             linear, work, error, first)
          return
@@ -248,17 +238,14 @@ contains
       !> Distance from the centre [standard deviations]: one draw of Student's t with four degrees
       !> of freedom in 4000 is further away.
       real(wp), parameter :: reach = 12
-      type(equations_t), target :: equations
       type(free_mode_t), allocatable :: modes(:)
       real(wp), allocatable :: distance(:)
+      logical :: is_decay
       integer :: k
 
-      if (.not. self%has_rows(excitation)) return
-      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
-      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+      call self%find_decay(model, structure, excitation, parameters, first, modes, is_decay, work, &
          error)
-      if (allocated(error)) return
-      if (any([(allocated(modes(k)%cluster), k=1, size(modes))])) return
+      if (allocated(error) .or. .not. is_decay) return
       distance = [(reach*sqrt(max(0.0_wp, real(dot_product(modes(k)%ds, matmul(covariance, &
          modes(k)%ds))))), k=1, size(modes))]
       local = new_local_decay([modes%s], distance, first%begin, merge(self%scale, 0.0_wp, offset), &
@@ -283,19 +270,15 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
       logical, intent(out) :: is_done
-      type(equations_t), target :: equations
       type(free_mode_t), allocatable :: modes(:)
       type(seen_modes_t) :: before
-      integer :: k
 
       is_done = .false.
       if (.not. allocated(local%rows%y)) return
       before = first
-      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
-      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+      call self%find_decay(model, structure, excitation, parameters, first, modes, is_done, work, &
          error)
       if (allocated(error)) return
-      is_done = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
       if (is_done) is_done = local%covers([modes%s], first%begin, merge(self%scale, 0.0_wp, offset))
       if (.not. is_done) then
          first = before
@@ -305,6 +288,39 @@ contains
       allocate (dy(0, size(parameters)))
       call linear%take_condensed(local%near([modes%s]), y, dy, 0)
    end subroutine condense_near
+
+   !> Finds the free modes of a long record, if the rows of its decay can be condensed. Arguments as
+   !> of `evaluate`.
+   !>
+   !> first     unchanged if the rows cannot be condensed
+   !> modes     of the excitation
+   !> is_decay  .false.: the record is short or no free decay, or modes form a cluster
+   subroutine find_decay(self, model, structure, excitation, parameters, first, modes, is_decay, &
+      work, error)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      type(seen_modes_t), intent(inout) :: first
+      type(free_mode_t), allocatable, intent(out) :: modes(:)
+      logical, intent(out) :: is_decay
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(equations_t), target :: equations
+      type(seen_modes_t) :: before
+      integer :: k
+
+      is_decay = self%has_rows(excitation)
+      if (.not. is_decay) return
+      before = first
+      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
+      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
+         error)
+      if (allocated(error)) return
+      is_decay = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
+      if (.not. is_decay) first = before
+   end subroutine find_decay
 
    !> Returns whether the record is long and a free decay.
    pure logical function has_rows(self, excitation)
