@@ -11,8 +11,8 @@ module beamid_track
    use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, print_text, progress_t
    use beamid_track_reports, only: add_track, track_header, track_row, track_summary
-   use beamid_tracking, only: prepare_tracking, standard_input, take_samples, track_record, &
-      tracked_t, tracker_t
+   use beamid_tracking, only: append_rows, prepare_tracking, standard_input, take_samples, &
+      track_record, tracked_t, tracker_t
    implicit none
    private
 
@@ -92,9 +92,7 @@ contains
                new_line('a'), error)
             if (allocated(error)) return
          end do
-         if (n + size(new) > size(rows)) rows = [rows(:n), new, rows(:n), new]
-         rows(n + 1:n + size(new)) = new
-         n = n + size(new)
+         call append_rows(new, n, rows)
       end do
       rows = rows(:n)
       if (n == 0) call refuse(case%path, case%track%line, 'track window', &

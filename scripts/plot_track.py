@@ -52,13 +52,19 @@ def metrics(track, truth):
                 held=np.mean(held), windows=int(clear.sum()))
 
 
+def view(track):
+    """The range of the parameter that a picture shows: that of the windows without a flag."""
+    clear = track["flag"] == ""
+    shown = track["estimate"][clear] if clear.any() else track["estimate"]
+    span = np.ptp(shown) or abs(shown[0]) or 1.0
+    return shown.min() - 0.3 * span, shown.max() + 0.3 * span
+
+
 def draw(name, unit, track, time, truth=None):
     """A panel for the parameter and one for the misfit; returns the figure."""
     figure, (above, below) = p.plt.subplots(2, sharex=True, figsize=(7.5, 6), height_ratios=(3, 1))
     t, clear = track["middle"], track["flag"] == ""
-    shown = track["estimate"][clear] if clear.any() else track["estimate"]
-    span = np.ptp(shown) or abs(shown[0]) or 1.0
-    low, high = shown.min() - 0.3 * span, shown.max() + 0.3 * span
+    low, high = view(track)
     above.fill_between(t, np.nan_to_num(track["lower95"], nan=low),
                        np.nan_to_num(track["upper95"], nan=high, posinf=high), color=p.SKY,
                        alpha=0.4, linewidth=0, label="95 % interval")

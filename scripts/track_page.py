@@ -35,10 +35,8 @@ def draw(name, track, unit, time):
     """Draws estimates, intervals and misfits."""
     figure = f.stacked([3, 1], f.label("middle of the window", time),
                        [f.label(h.symbol(name), unit), "unexplained"], 430)
-    t, clear = track["middle"], track["flag"] == ""
-    shown = track["estimate"][clear] if clear.any() else track["estimate"]
-    span = np.ptp(shown) or abs(shown[0]) or 1.0
-    low, high = shown.min() - 0.3 * span, shown.max() + 0.3 * span
+    t = track["middle"]
+    low, high = plot_track.view(track)
     f.add_band(figure, t, np.clip(np.nan_to_num(track["lower95"], nan=low), low, high),
                np.clip(np.nan_to_num(track["upper95"], nan=high, posinf=high), low, high),
                "95 % interval", row=1)

@@ -1,6 +1,5 @@
 !> The command `track` for C: a parameter is followed through blocks of samples.
 module beamid_c_tracking
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: told
    use beamid_c_handles, only: borrow, borrow_problem, give_back, new_handle, problem_t
@@ -8,7 +7,9 @@ module beamid_c_tracking
    use beamid_errors, only: bad_input, error_t
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
+   use beamid_series, only: check_samples
    use beamid_strings, only: to_text
+   use beamid_tracker, only: track_flags
    use beamid_tracking, only: prepare_tracking, take_samples, tracked_t, tracker_t
    implicit none
    private
@@ -22,9 +23,6 @@ module beamid_c_tracking
       type(tracked_t), allocatable :: rows(:)
       real(wp) :: last = -huge(1.0_wp)   !< time of the last sample [time]
    end type following_t
-
-   !> Flags by their number in `beamid_track_rows`, which counts from 0.
-   character(len=*), parameter :: flags(4) = ['      ', 'moving', 'unseen', 'gap   ']
 
 contains
 
@@ -76,7 +74,7 @@ contains
       rows = 0
       call borrow_tracker(handle, following, error)
       if (.not. allocated(error)) then
-         call check_samples(following, t, z, error)
+         call check_samples(t, z, following%last, error)
          if (.not. allocated(error)) call take_samples(following%case, following%tracker, t, z, &
             following%rows, error)
          call check_interrupt(error)
@@ -87,33 +85,11 @@ contains
       status = told(error, message)
    end function beamid_track_take
 
-   !> Refuses samples that are not finite, and times that do not increase.
-   subroutine check_samples(following, t, z, error)
-      type(following_t), intent(in) :: following
-      real(wp), intent(in) :: t(:), z(:)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: before
-      integer :: k
-
-      before = following%last
-      do k = 1, size(t)
-         if (.not. (ieee_is_finite(t(k)) .and. ieee_is_finite(z(k)))) then
-            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
-               ', a = '//to_text(z(k))//', expected finite numbers')
-         else if (t(k) <= before) then
-            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
-               ' after '//to_text(before)//', expected a larger number')
-         end if
-         if (allocated(error)) return
-         before = t(k)
-      end do
-   end subroutine check_samples
-
    !> Copies the rows of the last `beamid_track_take`.
    !>
    !> n       number of rows
    !> values  (8, n) first and last time, estimate, lower and upper limit, misfit, processor time
-   !>         [ms], number of the flag: 0 none, 1 moving, 2 unseen, 3 gap
+   !>         [ms], number of the flag in `track_flags`, counted from 0
    integer(c_int) function beamid_track_rows(handle, n, values, message, room) result(status) &
       bind(c)
       integer(c_int64_t), value, intent(in) :: handle
@@ -133,7 +109,7 @@ contains
             do k = 1, n
                associate (row => following%rows(k))
                   values(:, k) = [row%first, row%last, row%estimate, row%lower, row%upper, &
-                     row%misfit, row%milliseconds, findloc(flags, row%flag, dim=1) - 1.0_wp]
+                     row%misfit, row%milliseconds, findloc(track_flags, row%flag, dim=1) - 1.0_wp]
                end associate
             end do
          end if

@@ -20,19 +20,19 @@ module beamid_case_checks
    implicit none
    private
 
-   public :: check_elements, check_needs, can_be_fitted, place_experiment, settle_box, has_grid
-   public :: needs_nothing, needs_response, needs_fit, needs_design, needs_modes
+   public :: check_needs, can_be_fitted, place_experiment, settle_box, has_grid
+   public :: needs_nothing, needs_response, needs_fit, needs_design, needs_modes, needs_track
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit,
    !> candidate experiments, or natural modes.
    integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3, &
-      needs_modes = 4
+      needs_modes = 4, needs_track = 5
 
 contains
 
    !> Refuses a case that lacks something that the command needs.
    !>
-   !> needs  needs_nothing, needs_modes, needs_response, needs_fit or needs_design
+   !> needs  needs_nothing, needs_modes, needs_response, needs_fit, needs_design or needs_track
    subroutine check_needs(case, needs, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
@@ -58,7 +58,8 @@ contains
       end if
       call check_kinds(case, error)
       call check_modifiers(case, error)
-      do k = 1, size(case%recordings)
+      ! The samples of `track` may come from elsewhere.
+      do k = 1, merge(0, size(case%recordings), needs == needs_track)
          if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
             case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
          if (allocated(error)) exit
@@ -104,7 +105,7 @@ contains
 
       if (needs == needs_nothing) return
       if (needs == needs_response .and. .not. is_exact(case%model%solver)) return
-      repeats = merge(2, 1, needs == needs_fit)
+      repeats = merge(2, 1, needs == needs_fit .or. needs == needs_track)
       associate (s => case%model%structure, found => maxval(case%meshes%elements))
          coupled = abs(s%g) + abs(s%T) > 0 .or. s%a_h > 0 .or. s%variations%are_known() .or. &
             s%has_dip() .or. any([(any(is_coefficient(case%stages(k)%free) .or. &

@@ -183,12 +183,8 @@ contains
          'at least low = '//to_text(found%low))
       if (block%failed() .or. .not. sound) return
       found%parameter = place_of_name(structure, name)
-      if (found%parameter == 0 .or. found%parameter == offset) then
-         call block%refuse('parameter', shown(name), 'one of '//listed(pack(name_of_parameter( &
-            structure, parameters%place), parameters%is_free .and. is_there(structure, &
-            parameters%place) .and. parameters%place /= offset), ' '))
-         return
-      end if
+      call check_name(block, structure, name, found%parameter)
+      if (block%failed()) return
       if (any(others%parameter == found%parameter)) call block%refuse('parameter', &
          shown(name)//' twice', 'each parameter once')
       call check_free(block, [found%parameter], structure, excitations, 'parameter')
@@ -242,11 +238,23 @@ contains
       if (block%failed() .or. .not. sound) return
       if (allocated(rate)) plan%rate = rate
       plan%parameter = place_of_name(structure, name)
-      if (plan%parameter == 0 .or. plan%parameter == offset) call block%refuse('parameter', &
-         shown(name), 'one of '//listed(pack(name_of_parameter(structure, parameters%place), &
-         parameters%is_free .and. is_there(structure, parameters%place) .and. &
-         parameters%place /= offset), ' '))
+      call check_name(block, structure, name, plan%parameter)
    end subroutine read_track
+
+   !> Refuses a name that is none of a parameter of the structure that a fit may estimate.
+   !>
+   !> place  of the parameter of this name; 0: none
+   subroutine check_name(block, structure, name, place)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: place
+
+      if (place /= 0 .and. place /= offset) return
+      call block%refuse('parameter', shown(name), 'one of '//listed(pack(name_of_parameter( &
+         structure, parameters%place), parameters%is_free .and. is_there(structure, &
+         parameters%place) .and. parameters%place /= offset), ' '))
+   end subroutine check_name
 
    !> Reads the group &design.
    !>

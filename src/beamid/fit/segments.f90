@@ -8,7 +8,7 @@ module beamid_segments
    implicit none
    private
 
-   public :: segments_t, step_t, new_segments
+   public :: segments_t, step_t, new_segments, squares_of_segments
 
    !> Residuals r and derivatives J of segments of rows.
    type :: segments_t
@@ -57,7 +57,7 @@ contains
       last = 0
       do b = 1, count
          first = last + 1
-         last = nint(real(b, wp)*n/count)
+         last = last_row(b, n, count)
          self%rows(b) = last - first + 1
          call multiply(first, last)
          self%products(:, :, b) = product(:p + 1, :p + 1)
@@ -90,6 +90,27 @@ contains
       end subroutine multiply
 
    end function new_segments
+
+   !> Returns the last row of segment b of `count` segments of n rows.
+   elemental integer function last_row(b, n, count)
+      integer, intent(in) :: b, n, count
+
+      last_row = nint(real(b, wp)*n/count)
+   end function last_row
+
+   !> Returns the sum of squares in each segment.
+   !>
+   !> r      (n) values, one for each row
+   !> count  number of segments
+   pure function squares_of_segments(r, count) result(squares)
+      real(wp), intent(in) :: r(:)
+      integer, intent(in) :: count
+      real(wp) :: squares(count)
+      integer :: b
+
+      squares = [(sum(r(last_row(b - 1, size(r), count) + 1:last_row(b, size(r), count))**2), &
+         b=1, count)]
+   end function squares_of_segments
 
    !> Adds a further row that depends on one unknown.
    !>

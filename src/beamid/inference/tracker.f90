@@ -26,7 +26,7 @@ module beamid_tracker
    implicit none
    private
 
-   public :: track_plan_t, tracked_t, tracker_t, new_tracker
+   public :: track_plan_t, tracked_t, tracker_t, append_rows, new_tracker
 
    !> Settings of the group &track.
    type :: track_plan_t
@@ -42,15 +42,17 @@ module beamid_tracker
       real(wp) :: frequency_error = 0
    end type track_plan_t
 
+   !> Flags of a window: none; the parameter moves in the window; no motion that stands out of the
+   !> noise; too few samples.
+   character(len=6), parameter, public :: track_flags(4) = ['      ', 'moving', 'unseen', 'gap   ']
+
    !> The result in one window.
    type :: tracked_t
       real(wp) :: first = 0, last = 0      !< times of the first and the last sample [time]
       real(wp) :: estimate = 0, lower = 0, upper = 0   !< with 95 % limits [unit of the parameter]
       !> share of the energy that the model does not explain
       real(wp) :: misfit = 1
-      !> '': none. 'moving': the parameter moves in the window. 'unseen': the motion does not
-      !> stand out of the noise. 'gap': too few samples
-      character(len=6) :: flag = ''
+      character(len=6) :: flag = ''        !< one of `track_flags`
       real(wp) :: milliseconds = 0         !< processor time that the window took
    end type tracked_t
 
@@ -212,6 +214,25 @@ contains
       end do
       self%held = self%held - from + 1
    end subroutine take
+
+   !> Appends rows to a list, which has room for more.
+   !>
+   !> n     number of rows in the list
+   !> list  (n or more)
+   pure subroutine append_rows(new, n, list)
+      type(tracked_t), intent(in) :: new(:)
+      integer, intent(inout) :: n
+      type(tracked_t), allocatable, intent(inout) :: list(:)
+      type(tracked_t), allocatable :: longer(:)
+
+      if (n + size(new) > size(list)) then
+         allocate (longer(2*(n + size(new))))
+         longer(:n) = list(:n)
+         call move_alloc(longer, list)
+      end if
+      list(n + 1:n + size(new)) = new
+      n = n + size(new)
+   end subroutine append_rows
 
    !> Fits and judges one window.
    !>

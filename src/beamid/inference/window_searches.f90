@@ -10,7 +10,7 @@ module beamid_window_searches
    use beamid_model_roots, only: model_roots
    use beamid_observation, only: new_sampling
    use beamid_residuals, only: new_residuals, residual_t
-   use beamid_segments, only: new_segments, segments_t, step_t
+   use beamid_segments, only: new_segments, segments_t, squares_of_segments, step_t
    use beamid_simulation, only: model_t
    use beamid_statistics, only: unlimited
    use beamid_time_records, only: time_record_t
@@ -182,8 +182,7 @@ contains
          if (refusal%status == status_interrupted) call move_alloc(refusal, error)
          return
       end if
-      trial%squares = [(sum(r(nint(real(k - 1, wp)*m/window_segments) + 1: &
-         nint(real(k, wp)*m/window_segments))**2), k=1, window_segments)]
+      trial%squares = squares_of_segments(r(:m), window_segments)
       trial%sum_of_squares = sum(trial%squares)
       if (.not. allocated(trial%predictor)) trial%predictor = predictor_of(r(:m), order)
       call take_prediction(trial%predictor, r(:m))

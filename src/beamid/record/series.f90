@@ -12,7 +12,7 @@ module beamid_series
    implicit none
    private
 
-   public :: columns_t, series_t, part_t, read_series, series_of, find_columns
+   public :: columns_t, series_t, part_t, read_series, series_of, find_columns, check_samples
 
    !> The two columns of a file that a series was read from.
    type :: columns_t
@@ -84,28 +84,44 @@ contains
       type(part_t), intent(in) :: part
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
 
       if (size(t) == 0 .or. size(t) /= size(z)) then
          call bad_input(error, 'found '//to_text(size(t))//' times and '//to_text(size(z))// &
             ' values, expected as many of one as of the other, and some')
          return
       end if
-      do k = 1, size(t)
-         if (.not. (ieee_is_finite(t(k)) .and. ieee_is_finite(z(k)))) then
-            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
-               ', a = '//to_text(z(k))//', expected finite numbers')
-         else if (k > 1) then
-            if (t(k) <= t(k - 1)) call bad_input(error, 'sample '//to_text(k)//': found t = '// &
-               to_text(t(k))//' after '//to_text(t(k - 1))//', expected a larger number')
-         end if
-         if (allocated(error)) return
-      end do
+      call check_samples(t, z, -huge(1.0_wp), error)
+      if (allocated(error)) return
       series%first = t(1)
       series%last = t(size(t))
       series%rows = size(t, kind=ip)
       call keep_part(t, z, part, series)
    end subroutine series_of
+
+   !> Refuses numbers that are not finite, and times that do not increase.
+   !>
+   !> t, z   (rows) times and values
+   !> last   time before the first; -huge: none
+   !> error  `sample k: ...` of the first mistake
+   subroutine check_samples(t, z, last, error)
+      real(wp), intent(in) :: t(:), z(:), last
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: before
+      integer :: k
+
+      before = last
+      do k = 1, size(t)
+         if (.not. (ieee_is_finite(t(k)) .and. ieee_is_finite(z(k)))) then
+            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
+               ', a = '//to_text(z(k))//', expected finite numbers')
+         else if (t(k) <= before) then
+            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
+               ' after '//to_text(before)//', expected a larger number')
+         end if
+         if (allocated(error)) return
+         before = t(k)
+      end do
+   end subroutine check_samples
 
    !> Keeps the rows of a part, and its margin.
    pure subroutine keep_part(t, z, part, series)

@@ -7,7 +7,7 @@ module beamid_track_reports
    use beamid_sorting, only: median
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
-   use beamid_tracker, only: tracked_t, tracker_t
+   use beamid_tracker, only: track_flags, tracked_t, tracker_t
    use beamid_variables, only: unbounded
    implicit none
    private
@@ -66,7 +66,6 @@ contains
       type(tracker_t), intent(in) :: tracker
       type(tracked_t), intent(in) :: rows(:)
       character(len=:), allocatable :: summary
-      character(len=6), parameter :: flags(3) = ['moving', 'unseen', 'gap   ']
       character(len=*), parameter :: reasons(3) = [character(len=88) :: &
          ' windows are flagged ''moving'': one set of parameters does not explain them', &
          ' windows are flagged ''unseen'': the motion is too small to determine the parameter', &
@@ -82,8 +81,8 @@ contains
          to_text(case%track%window)//unit_suffix(case%units%time)//', from t = '// &
          to_text(rows(1)%first)//' to '//to_text(rows(size(rows))%last)// &
          unit_suffix(case%units%time))
-      do k = 1, size(flags)
-         n = count(rows%flag == flags(k))
+      do k = 1, size(reasons)
+         n = count(rows%flag == track_flags(1 + k))
          if (n > 0) call text%line(to_text(n)//trim(reasons(k)))
       end do
       if (.not. any(is_clear)) then

@@ -2,7 +2,8 @@
 !> Linux (glibc); values and layouts are the same on x86-64 and aarch64.
 module beamid_posix
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_int8_t, &
-      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_long, c_null_char, c_ptr, c_size_t
+      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_long, c_null_char, c_ptr, c_short, &
+      c_size_t
    use beamid_kinds, only: ip
    implicit none
    private
@@ -11,7 +12,7 @@ module beamid_posix
    public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
    public :: c_getpid, c_raise, c_setitimer, c_sigaction, c_signal, c_usleep
    public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
-   public :: errno_of, reason
+   public :: errno_of, reason, c_poll, c_read
 
    !> Error numbers (errno), signals and their standard actions.
    integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
@@ -52,6 +53,13 @@ module beamid_posix
       character(kind=c_char) :: name(max_name + 1)
    end type dirent_t
 
+   !> `struct pollfd`: what to wait for.
+   type, bind(c), public :: poll_t
+      integer(c_int) :: descriptor = 0
+      integer(c_short) :: events = 1   !< POLLIN
+      integer(c_short) :: found = 0
+   end type poll_t
+
    interface
       integer(c_int) function c_statx(folder, path, flags, mask, status) bind(c, name='statx')
          import :: c_char, c_int, statx_t
@@ -88,6 +96,18 @@ module beamid_posix
          character(kind=c_char), intent(in) :: buffer(*)
          integer(c_size_t), value :: n
       end function c_write
+      integer(c_size_t) function c_read(fd, buffer, n) bind(c, name='read')
+         import :: c_char, c_int, c_size_t
+         integer(c_int), value :: fd
+         character(kind=c_char), intent(out) :: buffer(*)
+         integer(c_size_t), value :: n
+      end function c_read
+      integer(c_int) function c_poll(which, n, milliseconds) bind(c, name='poll')
+         import :: c_int, c_long, poll_t
+         type(poll_t), intent(inout) :: which
+         integer(c_long), value :: n
+         integer(c_int), value :: milliseconds
+      end function c_poll
       integer(c_int) function c_fsync(fd) bind(c, name='fsync')
          import :: c_int
          integer(c_int), value :: fd

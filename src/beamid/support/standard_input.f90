@@ -1,36 +1,14 @@
 !> Reads standard input as it arrives. gfortran's runtime waits for whole buffers, and an
 !> interruption would have to wait as well.
 module beamid_standard_input
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_long, c_short, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_long, c_size_t
    use beamid_errors, only: bad_input, error_t
    use beamid_interrupts, only: check_interrupt
-   use beamid_posix, only: last_errno, reason
+   use beamid_posix, only: c_poll, c_read, last_errno, poll_t, reason
    implicit none
    private
 
    public :: read_input
-
-   !> What to wait for (struct pollfd).
-   type, bind(c) :: poll_t
-      integer(c_int) :: descriptor = 0
-      integer(c_short) :: events = 1   ! POLLIN
-      integer(c_short) :: found = 0
-   end type poll_t
-
-   interface
-      integer(c_int) function c_poll(which, n, milliseconds) bind(c, name='poll')
-         import :: c_int, c_long, poll_t
-         type(poll_t), intent(inout) :: which
-         integer(c_long), value :: n
-         integer(c_int), value :: milliseconds
-      end function c_poll
-      integer(c_size_t) function c_read(descriptor, buffer, n) bind(c, name='read')
-         import :: c_char, c_int, c_size_t
-         integer(c_int), value :: descriptor
-         character(kind=c_char), intent(out) :: buffer(*)
-         integer(c_size_t), value :: n
-      end function c_read
-   end interface
 
 contains
 

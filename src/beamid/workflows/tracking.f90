@@ -1,7 +1,7 @@
 !> Follows a parameter as the group &track of a case asks for, in a record or in samples that arrive
 !> one after the other.
 module beamid_tracking
-   use beamid_case_checks, only: check_elements, needs_fit, place_experiment
+   use beamid_case_checks, only: check_needs, needs_track
    use beamid_case_files, only: case_t
    use beamid_cases, only: describe_experiment
    use beamid_errors, only: error_t, locate
@@ -10,14 +10,14 @@ module beamid_tracking
    use beamid_least_squares, only: monitor_t
    use beamid_records, only: read_record
    use beamid_refusals, only: refuse
-   use beamid_responses, only: is_exact
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient
-   use beamid_tracker, only: new_tracker, tracked_t, tracker_t
+   use beamid_tracker, only: append_rows, new_tracker, tracked_t, tracker_t
    implicit none
    private
 
-   public :: prepare_tracking, track_record, take_samples, standard_input, tracked_t, tracker_t
+   public :: append_rows, prepare_tracking, track_record, take_samples, standard_input, tracked_t, &
+      tracker_t
 
    !> Name of a record that is read from standard input.
    character(len=*), parameter :: standard_input = '-'
@@ -33,33 +33,34 @@ contains
 
       if (.not. allocated(case%track)) then
          call refuse(case%path, 0, 'track', 'no such group', 'one', error)
-      else if (case%track%hop < case%track%window/most_windows) then
-         call refuse(case%path, case%track%line, 'track hop', to_text(case%track%hop), &
-            'at least window/'//to_text(most_windows), error)
-      else if (size(case%recordings) /= 1) then
-         call refuse(case%path, 0, 'record', to_text(size(case%recordings))//' such groups', &
-            'one', error)
-      else if (case%recordings(1)%kind /= 'time') then
-         call refuse(case%path, case%recordings(1)%line, 'record kind', &
-            ''''//trim(case%recordings(1)%kind)//'''', '''time''', error)
-      else if (case%recordings(1)%thin > 1 .or. allocated(case%recordings(1)%window%t_step)) then
-         call refuse(case%path, case%recordings(1)%line, 'record', 'thin or t_step', &
-            'neither, because track uses every sample', error)
-      else if (.not. any(case%excitations%modes > 0)) then
-         call refuse(case%path, 0, 'excitation kind', 'no free decay', 'kind=''free''', error)
-      else if (.not. is_exact(case%model%solver)) then
-         call refuse(case%path, 0, 'integrator method', '''cvode''', '''modal''', error)
-      else if (size(case%stages) == 0) then
-         call refuse(case%path, 0, 'stage', 'no such group', 'one', error)
-      else if (.not. any(case%stages(size(case%stages))%free == case%track%parameter)) then
-         call refuse(case%path, case%track%line, 'track parameter', 'a parameter that is fixed', &
-            'one that is free in the last &stage', error)
-      else if (any(is_coefficient(case%stages(size(case%stages))%free))) then
-         call refuse(case%path, case%stage_lines(size(case%stages)), 'stage free', &
-            'E(x) or c_D(x)', 'single parameters, because a window determines no function', error)
-      else
-         call check_elements(case, needs_fit, error)
+         return
       end if
+      call check_needs(case, needs_track, error)
+      if (allocated(error)) return
+      associate (track => case%track, recording => case%recordings(1), &
+         stage => case%stages(size(case%stages)), line => case%stage_lines(size(case%stages)))
+         if (track%hop < track%window/most_windows) then
+            call refuse(case%path, track%line, 'track hop', to_text(track%hop), &
+               'at least window/'//to_text(most_windows), error)
+         else if (size(case%recordings) /= 1) then
+            call refuse(case%path, 0, 'record', to_text(size(case%recordings))//' such groups', &
+               'one', error)
+         else if (recording%kind /= 'time') then
+            call refuse(case%path, recording%line, 'record kind', ''''//trim(recording%kind)// &
+               '''', '''time''', error)
+         else if (recording%thin > 1 .or. allocated(recording%window%t_step)) then
+            call refuse(case%path, recording%line, 'record', 'thin or t_step', &
+               'neither, because track uses every sample', error)
+         else if (.not. any(case%excitations%modes > 0)) then
+            call refuse(case%path, 0, 'excitation kind', 'no free decay', 'kind=''free''', error)
+         else if (.not. any(stage%free == track%parameter)) then
+            call refuse(case%path, track%line, 'track parameter', 'a parameter that is fixed', &
+               'one that is free in the last &stage', error)
+         else if (any(is_coefficient(stage%free))) then
+            call refuse(case%path, line, 'stage free', 'E(x) or c_D(x)', &
+               'single parameters, because a window determines no function', error)
+         end if
+      end associate
    end subroutine check_tracking
 
    !> Makes the tracker of a case, on its last mesh.
@@ -113,9 +114,7 @@ contains
          last = min(first + 999, size(t))
          call tracker%take(t(first:last), z(first:last), new, error)
          if (allocated(error)) return
-         if (n + size(new) > size(rows)) rows = [rows(:n), new, rows(:n), new]
-         rows(n + 1:n + size(new)) = new
-         n = n + size(new)
+         call append_rows(new, n, rows)
          if (present(monitor)) call monitor%advanced(last, size(t), 'samples')
       end do
       rows = rows(:n)
