@@ -36,10 +36,8 @@ program test_condensation
    use beamid_condensation, only: condense_matrix, condensed_t, few_rows
    use beamid_decay_rows, only: decay_rows_t, new_decay_rows
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
-   use beamid_identification, only: model_t
    use beamid_kernels, only: block_rows, decay_t, new_decay
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgels, dgesv
@@ -48,14 +46,13 @@ program test_condensation
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
    use beamid_problems, only: compare_derivatives
-   use beamid_residuals, only: checked_samples, new_residuals, residual_t
+   use beamid_residuals, only: checked_samples, residual_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: sensor_t, structure_t
+   use beamid_structure, only: structure_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use free_decays, only: formulas, made, mesh, names, noise_of, noisy, stamps, truth
+   use free_decays, only: long_record, made, make_channels, names, noisy, problem_of, stamps, truth
    use mistaken_fits, only: mistaken_t
-   use models, only: model_of
    implicit none
 
    integer, parameter :: quad = selected_real_kind(30)
@@ -308,40 +305,6 @@ contains
       end do
    end function solved
 
-   !> The record of a strip with many samples, which are not uniform.
-   function long_record(m, formula, seed) result(experiment)
-      integer, intent(in) :: m, formula, seed
-      type(experiment_t) :: experiment
-
-      experiment = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(formula), &
-         0.5_wp + 0.3_wp*(stamps(m, 0.0_wp, seed) + 0.01_wp))
-      if (seed > 0) experiment = noisy(experiment, gaussian_noise(m, noise_of(experiment), seed))
-   end function long_record
-
-   !> A fit of four parameters of a strip and of the offset of each record.
-   !>
-   !> structure  with the number of sensors
-   !> formula    of the observation
-   !> priors     knowledge of parameters; without any, the record has no weight
-   function problem_of(experiments, structure, formula, priors) result(problem)
-      type(experiment_t), intent(in) :: experiments(:)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: formula
-      type(prior_t), intent(in) :: priors(:)
-      type(residual_t) :: problem
-      type(model_t) :: model
-      type(error_t), allocatable :: error
-      integer :: k
-
-      model = model_of(structure, new_free(2), formulas(formula))
-      model%priors = priors
-      call new_residuals(model, mesh, experiments, problem, error)
-      call check('a fit is prepared', .not. allocated(error))
-      problem%free = [(free_index(names(k)), k=1, size(names))]
-      problem%record = spread(0, 1, size(names))
-      problem%offset = .true.
-   end function problem_of
-
    !> Compares J, J'J, J'r and Gauss and Newton's step of condensed rows with those of all rows. All
    !> rows are once computed from the condensed rows, and once formed and decomposed by reflections:
    !> a filter for white noise, which changes nothing, has that effect.
@@ -558,21 +521,8 @@ contains
       type(residual_t) :: problem
       type(structure_t) :: beam
       type(experiment_t) :: two(2)
-      integer :: k
 
-      beam = truth
-      beam%sensors = 2
-      beam%sensor_name(:2) = ['tip ', 'root']
-      beam%sensor(2) = sensor_t(m_S=0.006_wp, x_S=0.2_wp)
-      do k = 1, 2
-         beam%observer = k
-         two(k) = made(beam, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), 0.5_wp &
-            + 0.3_wp*stamps(merge(1500, 200, k == 1), 0.0_wp, 20 + k) + 0.1_wp*k)
-         two(k) = noisy(two(k), gaussian_noise(size(two(k)%samples), noise_of(two(k)), k))
-         two(k)%sensor = k
-         two(k)%motion = 7
-         two(k)%sd = 0.1_wp*k
-      end do
+      call make_channels(1500, beam, two)
       problem = problem_of(two, beam, 3, [prior_t ::])
       call compare('channels', problem)
    end subroutine test_channels

@@ -5,23 +5,25 @@ program test_local_decays
    use beamid_bootstraps, only: bootstrap_fit, bootstrap_plan_t, bootstrap_t, parametric
    use beamid_condensation, only: condensed_t
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_free, new_release
+   use beamid_excitation, only: new_free
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_inference, only: posterior_draws_t, profile_fit, sample_fit
    use beamid_kinds, only: wp
    use beamid_local_decays, only: local_decay_t, new_local_decay
+   use beamid_matrices, only: identity
    use beamid_motion_rows, only: basis_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
    use beamid_profile_likelihood, only: side_t
-   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_sampling, only: plan_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: sensor_t, structure_t
+   use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
-   use free_decays, only: formulas, made, mesh, names, noise_of, noisy, stage_for, stamps, truth
+   use free_decays, only: formulas, long_record, make_channels, mesh, names, noisy, problem_of, &
+      stage_for, stamps, truth
    use models, only: model_of
    use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    implicit none
@@ -113,28 +115,6 @@ contains
          /(spread(length, 1, n)*spread(length, 2, n)))
    end function error_of
 
-   !> The identity of order n.
-   pure function identity(n)
-      integer, intent(in) :: n
-      real(wp) :: identity(n, n)
-      integer :: k
-
-      identity = 0
-      do k = 1, n
-         identity(k, k) = 1
-      end do
-   end function identity
-
-   !> A noisy record of the strip.
-   function long_record(m, seed) result(record)
-      integer, intent(in) :: m, seed
-      type(experiment_t) :: record
-
-      record = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), 0.5_wp &
-         + 0.3_wp*(stamps(m, 0.0_wp, seed) + 0.01_wp))
-      record = noisy(record, gaussian_noise(m, noise_of(record), seed))
-   end function long_record
-
    !> One record with a prior, a record with coloured noise, and two channels, the second short.
    subroutine test_problems()
       type(experiment_t) :: record, two(2)
@@ -145,52 +125,21 @@ contains
       integer :: k
 
       prior = prior_t(parameter=[free_index('m_S')], slope=[1.0_wp], sd=0.01_wp*exact(2))
-      problem = problem_of([long_record(700, 4)], truth, [prior])
+      problem = problem_of([long_record(700, 3, 4)], truth, 3, [prior])
       call compare('prior', problem)
       noise = gaussian_noise(700, 0.1_wp, 9)
       do k = 2, 700
          noise(k) = noise(k) + 0.8_wp*noise(k - 1)
       end do
-      record = noisy(long_record(700, 6), noise)
-      problem = problem_of([record], truth, [prior_t ::])
+      record = noisy(long_record(700, 3, 6), noise)
+      problem = problem_of([record], truth, 3, [prior_t ::])
       allocate (problem%colour(1))
       problem%colour(1) = new_autoregression(noise, record%samples, white=.false.)
       call compare('coloured', problem)
-      beam = truth
-      beam%sensors = 2
-      beam%sensor_name(:2) = ['tip ', 'root']
-      beam%sensor(2) = sensor_t(m_S=0.006_wp, x_S=0.2_wp)
-      do k = 1, 2
-         beam%observer = k
-         two(k) = made(beam, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), 0.5_wp &
-            + 0.3_wp*stamps(merge(700, 200, k == 1), 0.0_wp, 20 + k) + 0.1_wp*k)
-         two(k) = noisy(two(k), gaussian_noise(size(two(k)%samples), noise_of(two(k)), k))
-         two(k)%sensor = k
-         two(k)%motion = 7
-         two(k)%sd = 0.1_wp*k
-      end do
-      problem = problem_of(two, beam, [prior_t ::])
+      call make_channels(700, beam, two)
+      problem = problem_of(two, beam, 3, [prior_t ::])
       call compare('channels', problem)
    end subroutine test_problems
-
-   !> A fit of four parameters of a strip and of the offset of each record.
-   function problem_of(experiments, structure, priors) result(problem)
-      type(experiment_t), intent(in) :: experiments(:)
-      type(structure_t), intent(in) :: structure
-      type(prior_t), intent(in) :: priors(:)
-      type(residual_t) :: problem
-      type(model_t) :: model
-      type(error_t), allocatable :: error
-      integer :: k
-
-      model = model_of(structure, new_free(2), formulas(3))
-      model%priors = priors
-      call new_residuals(model, mesh, experiments, problem, error)
-      call check('a fit is prepared', .not. allocated(error))
-      problem%free = [(free_index(names(k)), k=1, size(names))]
-      problem%record = spread(0, 1, size(names))
-      problem%offset = .true.
-   end function problem_of
 
    !> Compares sums of squares of each record, condensed rows and the volume near the centre of the
    !> bases and far away with those of all rows. Near the centre the bases are used, which shows if
@@ -270,7 +219,7 @@ contains
       integer :: before, threads
 
       model = model_of(truth, new_free(2), formulas(3))
-      record = long_record(700, 4)
+      record = long_record(700, 3, 4)
       before = omp_get_max_threads()
       do threads = 1, 3
          call omp_set_num_threads(threads)
@@ -317,7 +266,7 @@ contains
       integer :: k
 
       model = model_of(truth, new_free(2), formulas(3))
-      record = long_record(m, 4)
+      record = long_record(m, 3, 4)
       call fit_long(model, record, found, error)
       if (.not. allocated(error)) call bootstrap_fit(model, mesh, [record], found, plan, &
          resampled, error)

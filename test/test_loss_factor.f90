@@ -15,7 +15,7 @@ program test_loss_factor
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, n_parameters, no_spring, of_E, of_eta, structure_t
    use beamid_variations, only: field_modulus
-   use case_answers, only: answer_t, identified, nl
+   use case_answers, only: check_estimates, modal_record, nl
    use checks, only: check, check_close, finish, skip
    use random_benches, only: bench, load_axially
    use random_numbers, only: start_random
@@ -236,9 +236,7 @@ contains
    !> Exact records of each kind give the loss factor back: the response, and the modes.
    subroutine test_fit()
       character(len=*), parameter :: free = '&stage free=''E'',''c_D'',''eta'' /'//nl
-      character(len=:), allocatable :: modes, table, value
       type(outcome_t) :: outcome
-      integer :: column, row
 
       call write_file('true.nml', beam(7e10_wp, 0.015_wp, ', c_D=1e6')// &
          '&record kind=''frf'', f_first=4, f_last=400, f_step=1 /'//nl)
@@ -247,18 +245,7 @@ contains
       call check_answer('response', beam(6.3e10_wp, 0.0_wp, '')// &
          '&record kind=''frf'', file=''true/frf.csv'' /'//nl//free)
       outcome = beamid('modes true.nml --out true_modes')
-      modes = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
-      table = read_file('true_modes/modes.csv')
-      do row = 1, 5
-         modes = modes//to_text(row)
-         do column = 3, 4
-            value = field(table, row, column)
-            modes = modes//','//value//','//to_text(merge(1e-3_wp, 1e-2_wp, column == 3) &
-               *number(value))
-         end do
-         modes = modes//nl
-      end do
-      call write_file('modes.csv', modes)
+      call write_file('modes.csv', modal_record(read_file('true_modes/modes.csv')))
       call check_answer('modes', beam(6.3e10_wp, 0.0_wp, '')// &
          '&record kind=''modes'', file=''modes.csv'' /'//nl//free)
    end subroutine test_fit
@@ -267,14 +254,9 @@ contains
    !> 1e-6 standard errors of the minimum: 1e-5 of the values leaves a wide margin.
    subroutine check_answer(name, text)
       character(len=*), intent(in) :: name, text
-      type(answer_t) :: answer
 
-      answer = identified(text)
-      call check(name//': status', answer%status == 0)
-      call check_close(name//': E', number(answer%estimate('E', 'estimate')), 7e10_wp, 7e5_wp)
-      call check_close(name//': c_D', number(answer%estimate('c_D', 'estimate')), 1e6_wp, 1e1_wp)
-      call check_close(name//': eta', number(answer%estimate('eta', 'estimate')), 0.015_wp, &
-         1.5e-7_wp)
+      call check_estimates(name, text, [character(len=3) :: 'E', 'c_D', 'eta'], &
+         [7e10_wp, 1e6_wp, 0.015_wp], 1e-5_wp)
    end subroutine check_answer
 
    !> A response with a loss factor rejects Kelvin-Voigt damping, by AICc.

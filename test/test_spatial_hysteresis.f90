@@ -14,10 +14,9 @@ program test_spatial_hysteresis
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: free_end, structure_t
-   use case_answers, only: answer_t, identified, nl
+   use case_answers, only: check_estimates, check_refused, modal_record, nl
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, write_file
-   use tables, only: field, number
    implicit none
 
    character(len=:), allocatable :: reason
@@ -229,9 +228,7 @@ contains
       character(len=*), parameter :: free = '&stage free=''E'',''a_h'',''b_h'' /'//nl, &
          pulse = '&excitation kind=''pulse'', amplitude=1, duration=0.002 /'//nl, &
          response = '&record kind=''frf'', f_first=4, f_last=900, f_step=2 /'//nl
-      character(len=:), allocatable :: modes, table, value
       type(outcome_t) :: outcome
-      integer :: column, row
 
       call write_file('true.nml', beam(7e10_wp, 0.06_wp, 0.1_wp)//response)
       outcome = beamid('frf true.nml --out true')
@@ -239,18 +236,7 @@ contains
       call check_answer('response', beam(6.6e10_wp, 0.03_wp, 0.15_wp)// &
          '&record kind=''frf'', file=''true/frf.csv'' /'//nl//free)
       outcome = beamid('modes true.nml --out true_modes')
-      modes = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
-      table = read_file('true_modes/modes.csv')
-      do row = 1, 5
-         modes = modes//to_text(row)
-         do column = 3, 4
-            value = field(table, row, column)
-            modes = modes//','//value//','//to_text(merge(1e-3_wp, 1e-2_wp, column == 3) &
-               *number(value))
-         end do
-         modes = modes//nl
-      end do
-      call write_file('modes.csv', modes)
+      call write_file('modes.csv', modal_record(read_file('true_modes/modes.csv')))
       call check_answer('modes', beam(6.6e10_wp, 0.03_wp, 0.15_wp)// &
          '&record kind=''modes'', file=''modes.csv'' /'//nl//free)
       call write_file('pulse.nml', beam(7e10_wp, 0.06_wp, 0.1_wp)//pulse// &
@@ -266,13 +252,9 @@ contains
    !> standard errors of the minimum: 1e-4 of the values leaves a wide margin.
    subroutine check_answer(name, text)
       character(len=*), intent(in) :: name, text
-      type(answer_t) :: answer
 
-      answer = identified(text)
-      call check(name//': status', answer%status == 0, answer%err)
-      call check_close(name//': E', number(answer%estimate('E', 'estimate')), 7e10_wp, 7e6_wp)
-      call check_close(name//': a_h', number(answer%estimate('a_h', 'estimate')), 0.06_wp, 6e-6_wp)
-      call check_close(name//': b_h', number(answer%estimate('b_h', 'estimate')), 0.1_wp, 1e-5_wp)
+      call check_estimates(name, text, [character(len=3) :: 'E', 'a_h', 'b_h'], &
+         [7e10_wp, 0.06_wp, 0.1_wp], 1e-4_wp)
    end subroutine check_answer
 
    !> One line and status 2: no range, cvode, and parameters without effect at their start values.
@@ -281,28 +263,17 @@ contains
          pulse = '&excitation kind=''pulse'', amplitude=1, duration=0.002 /'//nl// &
          '&record t_first=0, t_last=1, t_step=0.01 /'//nl
 
-      call refused('no range', 'modes', beam(7e10_wp, 0.06_wp, 0.0_wp), &
+      call check_refused('no range', 2, 'modes', beam(7e10_wp, 0.06_wp, 0.0_wp), &
          '&beam a_h: found a value without b_h')
-      call refused('cvode', 'simulate', beam(7e10_wp, 0.06_wp, 0.1_wp)//pulse// &
+      call check_refused('cvode', 2, 'simulate', beam(7e10_wp, 0.06_wp, 0.1_wp)//pulse// &
          '&integrator method=''cvode'' /'//nl, '&integrator method: found ''cvode'' beside a_h')
-      call refused('b_h at a_h = 0', 'identify', beam(7e10_wp, 0.0_wp, 0.1_wp)//record// &
+      call check_refused('b_h at a_h = 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 0.1_wp)//record// &
          '&stage free=''E'',''a_h'',''b_h'' /'//nl, 'found ''b_h'' beside a_h = 0')
-      call refused('a_h at b_h = 0', 'identify', beam(7e10_wp, 0.0_wp, 0.0_wp)//record// &
+      call check_refused('a_h at b_h = 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 0.0_wp)//record// &
          '&stage free=''E'',''a_h'' /'//nl, 'found ''a_h'', expected a value of b_h in &beam')
-      call refused('b_h = 0 at the start', 'identify', beam(7e10_wp, 0.01_wp, 0.1_wp)//record// &
-         '&stage free=''E'',''a_h'',''b_h'', start=7e10,0.01,0 /'//nl, &
+      call check_refused('b_h = 0 at the start', 2, 'identify', beam(7e10_wp, 0.01_wp, 0.1_wp)// &
+         record//'&stage free=''E'',''a_h'',''b_h'', start=7e10,0.01,0 /'//nl, &
          'found ''a_h'' beside b_h = 0')
    end subroutine test_refusals
-
-   !> Checks that a command refuses a case.
-   subroutine refused(name, command, text, message)
-      character(len=*), intent(in) :: name, command, text, message
-      type(outcome_t) :: outcome
-
-      call write_file('refused.nml', text)
-      outcome = beamid(command//' refused.nml')
-      call check('refused: '//name, outcome%status == 2 .and. index(outcome%err, message) > 0, &
-         outcome%err)
-   end subroutine refused
 
 end program test_spatial_hysteresis

@@ -16,10 +16,9 @@ program test_time_hysteresis
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use beamid_vectors, only: root_t
-   use case_answers, only: answer_t, identified, nl
+   use case_answers, only: check_estimates, check_refused, modal_record, nl
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, write_file
-   use tables, only: field, number
    implicit none
 
    type(mesh_t), parameter :: fine = mesh_t(7, 40, 8, 1)
@@ -256,9 +255,7 @@ contains
       character(len=*), parameter :: free = '&stage free=''E'',''d_1'',''b_1'' /'//nl, &
          pulse = '&excitation kind=''pulse'', amplitude=1, duration=0.002 /'//nl, &
          response = '&record kind=''frf'', f_first=4, f_last=900, f_step=2 /'//nl
-      character(len=:), allocatable :: modes, table, value
       type(outcome_t) :: outcome
-      integer :: column, row
 
       call write_file('true.nml', beam(7e10_wp, 0.03_wp, 400.0_wp)//response)
       outcome = beamid('frf true.nml --out true')
@@ -266,18 +263,7 @@ contains
       call check_answer('response', beam(6.6e10_wp, 0.05_wp, 600.0_wp)// &
          '&record kind=''frf'', file=''true/frf.csv'' /'//nl//free)
       outcome = beamid('modes true.nml --out true_modes')
-      modes = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
-      table = read_file('true_modes/modes.csv')
-      do row = 1, 5
-         modes = modes//to_text(row)
-         do column = 3, 4
-            value = field(table, row, column)
-            modes = modes//','//value//','//to_text(merge(1e-3_wp, 1e-2_wp, column == 3) &
-               *number(value))
-         end do
-         modes = modes//nl
-      end do
-      call write_file('modes.csv', modes)
+      call write_file('modes.csv', modal_record(read_file('true_modes/modes.csv')))
       call check_answer('modes', beam(6.6e10_wp, 0.05_wp, 600.0_wp)// &
          '&record kind=''modes'', file=''modes.csv'' /'//nl//free)
       call write_file('pulse.nml', beam(7e10_wp, 0.03_wp, 400.0_wp)//pulse// &
@@ -293,14 +279,9 @@ contains
    !> standard errors of the minimum: 1e-4 of the values leaves a wide margin.
    subroutine check_answer(name, text)
       character(len=*), intent(in) :: name, text
-      type(answer_t) :: answer
 
-      answer = identified(text)
-      call check(name//': status', answer%status == 0, answer%err)
-      call check_close(name//': E', number(answer%estimate('E', 'estimate')), 7e10_wp, 7e6_wp)
-      call check_close(name//': d_1', number(answer%estimate('d_1', 'estimate')), 0.03_wp, 3e-6_wp)
-      call check_close(name//': b_1', number(answer%estimate('b_1', 'estimate')), 400.0_wp, &
-         4e-2_wp)
+      call check_estimates(name, text, [character(len=3) :: 'E', 'd_1', 'b_1'], &
+         [7e10_wp, 0.03_wp, 400.0_wp], 1e-4_wp)
    end subroutine check_answer
 
    !> One line and status 2: no rate, and parameters without effect at their start values; and
@@ -308,28 +289,17 @@ contains
    subroutine test_refusals()
       character(len=*), parameter :: record = '&record kind=''frf'', file=''true/frf.csv'' /'//nl
 
-      call refused('no rate', 2, 'modes', beam(7e10_wp, 0.03_wp, 0.0_wp), &
+      call check_refused('no rate', 2, 'modes', beam(7e10_wp, 0.03_wp, 0.0_wp), &
          '&beam d_1: found a value without b_1')
-      call refused('d_1 from 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 400.0_wp)//record// &
+      call check_refused('d_1 from 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 400.0_wp)//record// &
          '&stage free=''E'',''d_1'' /'//nl, 'found ''d_1'' from the start value 0')
-      call refused('b_1 at d_1 = 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 400.0_wp)//record// &
-         '&stage free=''E'',''b_1'' /'//nl, 'found ''b_1'' beside d_1 = 0')
-      call refused('d_1 without b_1', 2, 'identify', beam(7e10_wp, 0.0_wp, 0.0_wp)//record// &
+      call check_refused('b_1 at d_1 = 0', 2, 'identify', beam(7e10_wp, 0.0_wp, 400.0_wp)// &
+         record//'&stage free=''E'',''b_1'' /'//nl, 'found ''b_1'' beside d_1 = 0')
+      call check_refused('d_1 without b_1', 2, 'identify', beam(7e10_wp, 0.0_wp, 0.0_wp)//record// &
          '&stage free=''E'',''d_1'' /'//nl, 'expected a value of b_1 in &beam')
-      call refused('eta beside d_1', 1, 'modes', '&beam length=0.5, width=0.03, height=0.003, '// &
-         'density=2700, E=7e10, d_1=0.03, b_1=400, eta=0.01 /'//nl, 'found eta beside time')
+      call check_refused('eta beside d_1', 1, 'modes', &
+         '&beam length=0.5, width=0.03, height=0.003, density=2700, E=7e10, d_1=0.03, '// &
+         'b_1=400, eta=0.01 /'//nl, 'found eta beside time')
    end subroutine test_refusals
-
-   !> Checks that a command refuses a case.
-   subroutine refused(name, status, command, text, message)
-      character(len=*), intent(in) :: name, command, text, message
-      integer, intent(in) :: status
-      type(outcome_t) :: outcome
-
-      call write_file('refused.nml', text)
-      outcome = beamid(command//' refused.nml')
-      call check('refused: '//name, outcome%status == status .and. &
-         index(outcome%err, message) > 0, outcome%err)
-   end subroutine refused
 
 end program test_time_hysteresis

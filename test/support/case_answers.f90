@@ -3,13 +3,15 @@ module case_answers
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
    use beamid_strings, only: to_text
+   use checks, only: check, check_close
    use shell, only: beamid, outcome_t, read_file, remove_tree, write_file
    use simulated_beams, only: beam_t
    use tables, only: field, line, number, part
    implicit none
    private
 
-   public :: answer_t, identified, write_record, times, groups_of, dip_case, nl, ruler
+   public :: answer_t, identified, check_estimates, check_refused, modal_record, write_record, &
+      times, groups_of, dip_case, nl, ruler
 
    character(len=*), parameter :: nl = new_line('a')
    !> A case with the free decay of a steel ruler; what is free is a guess.
@@ -234,5 +236,58 @@ contains
          '&discretization degree=3, elements=8 /'//nl// &
          '&stage free=''E'',''c_D'',''gamma'',''place'',''width'',''depth'' /'//nl
    end function dip_case
+
+   !> Checks the estimates of a case.
+   !>
+   !> names, values  of the parameters
+   !> share          allowed relative error
+   subroutine check_estimates(label, text, names, values, share)
+      character(len=*), intent(in) :: label, text, names(:)
+      real(wp), intent(in) :: values(:), share
+      type(answer_t) :: answer
+      integer :: k
+
+      answer = identified(text)
+      call check(label//': status', answer%status == 0, answer%err)
+      do k = 1, size(names)
+         call check_close(label//': '//trim(names(k)), number(answer%estimate(trim(names(k)), &
+            'estimate')), values(k), share*values(k))
+      end do
+   end subroutine check_estimates
+
+   !> Checks that a command refuses a case.
+   !>
+   !> status  expected exit status
+   subroutine check_refused(label, status, command, text, message)
+      character(len=*), intent(in) :: label, command, text, message
+      integer, intent(in) :: status
+      type(outcome_t) :: outcome
+
+      call write_file('refused.nml', text)
+      outcome = beamid(command//' refused.nml')
+      call check('refused: '//label, outcome%status == status .and. index(outcome%err, message) &
+         > 0, outcome%err)
+   end subroutine check_refused
+
+   !> Returns a table of the five lowest modes as a record, with errors of 0.1 % in the frequencies
+   !> and of 1 % in the damping ratios.
+   !>
+   !> table  modes.csv
+   function modal_record(table) result(modes)
+      character(len=*), intent(in) :: table
+      character(len=:), allocatable :: modes, value
+      integer :: column, row
+
+      modes = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
+      do row = 1, 5
+         modes = modes//to_text(row)
+         do column = 3, 4
+            value = field(table, row, column)
+            modes = modes//','//value//','//to_text(merge(1e-3_wp, 1e-2_wp, column == 3) &
+               *number(value))
+         end do
+         modes = modes//nl
+      end do
+   end function modal_record
 
 end module case_answers

@@ -4,11 +4,13 @@ module free_decays
    use beamid_excitation, only: excitation_t, new_free, new_release
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: simulate, simulation_t, stage_t
+   use beamid_identification, only: model_t, simulate, simulation_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_noise, only: uniform_noise
+   use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_observation, only: observation_t
    use beamid_parameters, only: free_index, offset
+   use beamid_priors, only: prior_t
+   use beamid_residuals, only: new_residuals, residual_t
    use beamid_structure, only: sensor_t, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check
@@ -17,7 +19,7 @@ module free_decays
    private
 
    public :: truth, mesh, names, formulas, true_offset, first_offset, stamps, made, stage_for, &
-      noise_of, noisy, make_two
+      noise_of, noisy, make_two, make_channels, long_record, problem_of
 
    !> An aluminium strip, with more damping than it has: after half a second two modes are left, the
    !> third to e**-11.
@@ -100,6 +102,65 @@ contains
       worse = experiment
       worse%measured = worse%measured + noise
    end function noisy
+
+   !> A long and a short channel of one motion, with weights.
+   !>
+   !> m     number of samples of the long one
+   !> beam  the strip with two sensors
+   subroutine make_channels(m, beam, two)
+      integer, intent(in) :: m
+      type(structure_t), intent(out) :: beam
+      type(experiment_t), intent(out) :: two(2)
+      integer :: k
+
+      beam = truth
+      beam%sensors = 2
+      beam%sensor_name(:2) = ['tip ', 'root']
+      beam%sensor(2) = sensor_t(m_S=0.006_wp, x_S=0.2_wp)
+      do k = 1, 2
+         beam%observer = k
+         two(k) = made(beam, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), 0.5_wp &
+            + 0.3_wp*stamps(merge(m, 200, k == 1), 0.0_wp, 20 + k) + 0.1_wp*k)
+         two(k) = noisy(two(k), gaussian_noise(size(two(k)%samples), noise_of(two(k)), k))
+         two(k)%sensor = k
+         two(k)%motion = 7
+         two(k)%sd = 0.1_wp*k
+      end do
+   end subroutine make_channels
+
+   !> The record of a strip with many samples, which are not uniform.
+   function long_record(m, formula, seed) result(experiment)
+      integer, intent(in) :: m, formula, seed
+      type(experiment_t) :: experiment
+
+      experiment = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(formula), &
+         0.5_wp + 0.3_wp*(stamps(m, 0.0_wp, seed) + 0.01_wp))
+      if (seed > 0) experiment = noisy(experiment, gaussian_noise(m, noise_of(experiment), seed))
+   end function long_record
+
+   !> A fit of four parameters of a strip and of the offset of each record.
+   !>
+   !> structure  with the number of sensors
+   !> formula    of the observation
+   !> priors     knowledge of parameters; without any, the record has no weight
+   function problem_of(experiments, structure, formula, priors) result(problem)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: formula
+      type(prior_t), intent(in) :: priors(:)
+      type(residual_t) :: problem
+      type(model_t) :: model
+      type(error_t), allocatable :: error
+      integer :: k
+
+      model = model_of(structure, new_free(2), formulas(formula))
+      model%priors = priors
+      call new_residuals(model, mesh, experiments, problem, error)
+      call check('a fit is prepared', .not. allocated(error))
+      problem%free = [(free_index(names(k)), k=1, size(names))]
+      problem%record = spread(0, 1, size(names))
+      problem%offset = .true.
+   end function problem_of
 
    !> Records of .5 and .4 m, of different length and clock, 4 and 5 g of sensor at .44 and .35 m.
    subroutine make_two(two)
