@@ -1,6 +1,6 @@
 !> Spatial hysteresis: its integrals over all decades of the range, damping ratios of a cantilever,
-!> and what the program says of its parameters. `test_benches` and `test_frequency_responses` have
-!> the responses and their derivatives.
+!> fits of its parameters, and cases that are refused. `test_benches` and
+!> `test_frequency_responses` test the responses and their derivatives.
 program test_spatial_hysteresis
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t

@@ -1,6 +1,6 @@
 !> Time hysteresis, relaxations of the modulus: damping ratios and relaxation roots of a cantilever,
-!> its motion in time, limits, and what the program says of the parameters. `test_benches` and
-!> `test_frequency_responses` have the responses of other structures and their derivatives.
+!> its motion in time, limits, fits of the parameters, and cases that are refused. `test_benches`
+!> and `test_frequency_responses` test the responses of other structures and their derivatives.
 program test_time_hysteresis
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_equations, only: equations_t, new_equations

@@ -273,6 +273,8 @@ contains
          '&record: found thin')
       call refuse('a function along the beam', replaced(track, 'free=''x_P'',''c_D''', &
          'free=''x_P'',''E(x)'''), '&stage free: found E(x)')
+      call refuse('a range without effect', replaced(replaced(track, 'c_D=5e6', 'b_h=0.1'), &
+         '''c_D'',', '''b_h'','), 'found ''b_h'' beside a_h = 0')
       call refuse('a loss factor', replaced(track, 'c_D=5e6', 'eta=0.01'), '&beam eta: found 0.01')
       call refuse('a known force', replaced(track, 'kind=''free'', modes=2', &
          'kind=''pulse'', amplitude=1, duration=0.01'), '&excitation kind')

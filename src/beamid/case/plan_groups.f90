@@ -227,8 +227,8 @@ contains
       call block%get('window', plan%window, 'length of a window', positive, required=.true.)
       call block%get('hop', plan%hop, 'time from the start of a window to the start of the next', &
          positive, required=.true.)
-      call block%get('rate', rate, 'no limit', 'standard deviation of the random walk of the '// &
-         'parameter: of its change in a unit of time; it grows with the square root of time', &
+      call block%get('rate', rate, 'no limit', 'standard deviation of the change of the '// &
+         'parameter in a unit of time; in a time dt, it is rate times the square root of dt', &
          positive)
       call block%get('frequency_error', plan%frequency_error, 'standard deviation of the '// &
          'relative error of each natural frequency of the model, and of the error of each '// &

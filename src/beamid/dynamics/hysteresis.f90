@@ -5,17 +5,17 @@
 !>     G(phi, psi) = 1/2 int int h(x - xi) (phi'(x) - phi'(xi)) (psi'(x) - psi'(xi)) dxi dx,
 !>
 !> where h is the normal density with the standard deviation b. A slope is the integral of the
-!> curvature, so that with the second integral Q of h, Q'' = h, which vanishes at infinity,
+!> curvature. With the second integral Q of h, so that Q'' = h and Q vanishes at infinity,
 !>
 !>     G(phi, psi) = int int W(s, t) phi''(s) psi''(t) ds dt,
 !>     W(s, t) = Q(|s - t|) + Q(l) - Q(max(s, t)) - Q(l - min(s, t)) >= 0.
 !>
 !> In this form nothing cancels for small b, where G tends to b**2/2 <phi'', psi''>. For b > l, a
-!> linear function is taken off Q, which W does not notice, and nothing cancels there either.
+!> linear function is subtracted from Q. W does not change, and nothing cancels either.
 !>
 !> The curvatures are polynomials on each element. The integral over two elements is one over the
 !> distance r = |s - t|, on panels that are short in comparison with b, of Q(r) times a polynomial.
-!> It is exact but for round-off for every b > 0: 1e-13 of the largest entry.
+!> Its error is round-off, about 1e-13 of the largest entry, for every b > 0.
 module beamid_hysteresis
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
@@ -248,8 +248,9 @@ contains
    end subroutine add_panel
 
    !> Computes the integrals of Q(max(s, t)) + Q(l - min(s, t)) times two curvatures, and their
-   !> derivatives with respect to b. With the slope since the end, those of Q(x) (phi'' slope_psi +
-   !> slope_phi psi'').
+   !> derivatives with respect to b. They are the integrals of
+   !> Q(x) (phi'' slope_psi + slope_phi psi'') over both distances x from an end, where a slope is
+   !> that relative to this end.
    !>
    !> values  (modes, modes, 2)
    subroutine add_ends(self, b, values)

@@ -254,7 +254,8 @@ contains
       end do
    end subroutine follow_newton
 
-   !> Returns whether a point is in the interval of relaxation l, from -b to the next slower rate.
+   !> Returns whether a point is in the interval of relaxation l, from -b to -b of the next
+   !> slower relaxation, or to 0.
    pure logical function is_inside(relaxation, l, s)
       type(relaxation_t), intent(in) :: relaxation
       integer, intent(in) :: l

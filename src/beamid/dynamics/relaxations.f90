@@ -2,11 +2,12 @@
 !>
 !>     E (s) = E phi(s),    phi(s) = 1 + tau s + sum over l of d_l s/(s + b_l),
 !>
-!> where tau = c_D/E. Between -b_l and the next slower rate, or 0, phi grows from minus infinity to
-!> plus infinity, or to 1, and vanishes at one point a_l. If a mode has the stiffness k phi, its
-!> relaxation roots lie in these intervals too, one in each. Those of the higher modes accumulate at
-!> a_l, and those of modes that are slower than the relaxation approach -b_l. Both distances of a
-!> root, from a_l and from -b_l, are therefore known to all digits:
+!> where tau = c_D/E. Between -b_l and -b of the next slower relaxation (0 for the slowest), phi
+!> grows from minus infinity to plus infinity (to 1 for the slowest), and vanishes at one point a_l.
+!> If a mode has the stiffness k phi, its relaxation roots lie in these intervals too, one in each.
+!> Those of the higher modes accumulate at a_l, and those of modes that are slower than the
+!> relaxation approach -b_l. Both distances of a root, from a_l and from -b_l, are therefore known
+!> to all digits:
 !>
 !>     s = a + creep = -b + rise,    phi = creep (tau + sum of d_l b_l/((s + b_l) (a + b_l))).
 module beamid_relaxations

@@ -1,6 +1,6 @@
 !> A least-squares problem whose rows are divided into segments of consecutive rows. The products of
 !> residuals and derivatives of each segment are enough for a Gauss-Newton step, for the residuals
-!> that are left behind it, and for tests whether all segments agree.
+!> after it, and for tests whether all segments agree.
 module beamid_segments
    use beamid_kernels, only: add_products, block_rows
    use beamid_kinds, only: wp
@@ -34,11 +34,11 @@ module beamid_segments
 
 contains
 
-   !> Divides rows into segments of equally many.
+   !> Divides rows into segments of nearly equal length.
    !>
    !> jac      (m, p) derivatives
    !> r        (m) residuals
-   !> n        number of the first rows that are divided; the rows behind them are `further`
+   !> n        number of the first rows that are divided; the rows after them are `further`
    !> count    number of segments, at most n
    function new_segments(jac, r, n, count) result(self)
       real(wp), intent(in) :: jac(:, :), r(:)
@@ -168,7 +168,7 @@ contains
       found%is_regular = .true.
    end function step
 
-   !> Returns the sum of squared residuals of each segment (segments) behind a step.
+   !> Returns the sum of squared residuals of each segment (segments) after a step.
    !>
    !> change  (p)
    pure function sums_of_squares(self, change) result(total)
@@ -182,7 +182,7 @@ contains
          b=1, size(total))]
    end function sums_of_squares
 
-   !> Returns the variance of an unknown behind a step, from the scatter of the segments and the
+   !> Returns the variance of an unknown after a step, from the scatter of the segments and the
    !> noise of the further rows. It allows
    !> for residuals that depend on one another within a segment (a cluster-robust variance: Liang
    !> and Zeger, Biometrika 73, 1986, 13).

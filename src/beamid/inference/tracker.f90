@@ -3,13 +3,13 @@
 !>
 !> Each window is a free decay with its own amplitudes and its own values of all free parameters.
 !> Gauss-Newton steps from the estimates of the window before find its minimum, mostly with a single
-!> evaluation. The prior of the followed parameter is a random walk from the last window that shares
-!> no sample with this one, so that no sample counts twice.
+!> evaluation. With a `rate`, the prior of the followed parameter is a random walk from the last
+!> window without a flag that shares no sample with this one, so that no sample counts twice.
 !>
 !> A window in which the parameter moves is recognised by its misfit: residuals that are not spread
 !> evenly over the window, a large unexplained share of the energy, or halves of the window that
-!> contradict each other. Windows that are flagged are searched for other minima over the range that
-!> the parameter may have reached.
+!> contradict each other. The first window and windows that move are searched for other minima, at
+!> most eight times in the length of a window, over the range that the parameter may have reached.
 module beamid_tracker
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
@@ -72,18 +72,19 @@ module beamid_tracker
       !> relative error of the natural frequencies that the mesh causes
       real(wp) :: mesh_error = 0
       type(window_search_t), private :: search
-      real(wp), allocatable, private :: estimate(:)       !< (n) of the last window with a fit
-      real(wp), allocatable, private :: trusted(:)        !< (n) of the last window without a flag
+      !> (n + 2 modes) as `p` of `found_t`
+      real(wp), allocatable, private :: estimate(:)       !< of the last window with a fit
+      real(wp), allocatable, private :: trusted(:)        !< of the last window without a flag
       type(memory_t), allocatable, private :: memory(:)   !< by time
       real(wp), allocatable, private :: t(:), z(:)        !< samples that later windows may use
       integer, private :: held = 0                        !< number of them
       integer, private :: windows = 0                     !< number of finished windows
-      !> first sample behind the last empty window [time], and number of windows since then
+      !> first sample after the last empty window [time], and number of windows since then
       real(wp), private :: begin = 0
       integer, private :: since = 0
-      !> least mean square of the residuals of any window, at most the stated noise, 1
+      !> least mean square of the residuals of any window so far; starts at 1 if `sd` is stated
       real(wp), private :: floor = huge(1.0_wp)
-      real(wp), private :: basin = unbounded   !< narrowest minimum that was met
+      real(wp), private :: basin = unbounded   !< half width of the narrowest minimum so far
       real(wp), private :: searched = -huge(1.0_wp)   !< time of the last search for other minima
    contains
       procedure :: take
@@ -93,7 +94,7 @@ module beamid_tracker
    !> Largest number of elements that a refinement tries, and a mesh error that needs no refinement.
    integer, parameter :: finest = 64
    real(wp), parameter :: precise = 2e-4_wp
-   !> Error of a mesh in changes to a mesh of twice as many elements. A support inside an element
+   !> Safety factor on the change to a mesh of twice as many elements: a support inside an element
    !> makes the convergence irregular, and the errors of all modes have the same sign.
    real(wp), parameter :: mesh_errors = 3
    !> Least relative error of a frequency: it keeps the equations regular.
@@ -101,7 +102,7 @@ module beamid_tracker
 
 contains
 
-   !> Makes a tracker that has seen no samples. It must not be copied.
+   !> Makes a tracker that has seen no samples.
    !>
    !> The change of the natural frequencies to a mesh of twice as many elements is part of the error
    !> of the model.

@@ -16,12 +16,15 @@ module beamid_window_judgements
       logical :: contradicts = .false.   !< the halves of the window contradict each other
    end type precision_t
 
-   !> A window moves if the mean square of a segment exceeds that of the window by the first factor
-   !> and by so many standard deviations; if it leaves this share of the energy unexplained, and
-   !> residuals of so many times the least of all windows; or if its halves differ by so many
-   !> standard errors. From 2 standard errors on, the interval is widened.
-   real(wp), parameter :: uneven = 2.25_wp, deviations = 5, gross = 0.0625_wp, above_floor = 9, &
-      apart = 4, doubtful = 2
+   !> A window is flagged 'moving' if the mean square of a segment is `uneven` times that of the
+   !> window, and `deviations` standard deviations above it; ...
+   real(wp), parameter :: uneven = 2.25_wp, deviations = 5
+   !> ... if the share `gross` of the energy is unexplained, and the mean square of the residuals is
+   !> `above_floor` times the least of all windows; ...
+   real(wp), parameter :: gross = 0.0625_wp, above_floor = 9
+   !> ... or if its halves are `apart` standard errors apart. From `doubtful` standard errors on,
+   !> the interval is wider by their difference.
+   real(wp), parameter :: apart = 4, doubtful = 2
    !> Least energy of a motion that is seen, in variances of the noise, and its least share of the
    !> energy of the window.
    real(wp), parameter :: visible = 50, least_share = 0.5_wp
@@ -40,7 +43,7 @@ contains
    !> Returns the flag of a fit: '', 'moving' or 'unseen'.
    !>
    !> total  energy of the window about its mean, in weighted rows
-   !> floor  least `noise_of` any window
+   !> floor  least `noise_of` of any window
    pure function flag_of(found, total, floor) result(flag)
       type(found_t), intent(in) :: found
       real(wp), intent(in) :: total, floor
@@ -90,7 +93,8 @@ contains
          if (difference > doubtful*error) doubt = difference
          precision%contradicts = difference > apart*error
       end if
-      ! Normal quantile for known degrees of freedom, Student's for the scatter of the segments.
+      ! Normal quantile for the many residuals, Student's with 9 degrees of freedom for the scatter
+      ! of ten segments.
       precision%half_width = sqrt(max(1.960_wp**2*plain, 2.262_wp**2*robust)) + doubt
    end function precision_of
 

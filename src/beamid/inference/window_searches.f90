@@ -34,7 +34,8 @@ module beamid_window_searches
       !> (segments) weighted squared residuals, not whitened, at the last evaluation
       real(wp), allocatable :: squares(:)
       real(wp) :: sum_of_squares = huge(1.0_wp)   !< of the squares
-      !> (order) coefficients that whiten the residuals; not allocated: from the next evaluation
+      !> (order) coefficients that whiten the residuals; not allocated: the next evaluation
+      !> computes them
       real(wp), allocatable :: predictor(:)
       real(wp) :: variance = 0             !< of the whitened residuals
       real(wp) :: objective = 0            !< sum of squares of whitened and further rows
@@ -63,9 +64,8 @@ module beamid_window_searches
       procedure, private :: hold
    end type window_search_t
 
-   !> Evaluations after which a search ends, and the decrease of the sum of squares, in variances of
-   !> the noise, below which a step is small: it is then a tenth of a standard error, and its own
-   !> error is far smaller.
+   !> Evaluations after which a search ends. It has settled when no unknown changes by more than a
+   !> tenth of its standard error; `small` is the square of that.
    integer, parameter :: most = 6
    real(wp), parameter :: small = 1e-2_wp
    !> Order of the autoregressive process that whitens the residuals of a window.
@@ -73,7 +73,7 @@ module beamid_window_searches
 
 contains
 
-   !> Makes the search. It must not be copied, because its solver refers to its mesh.
+   !> Makes the search.
    !>
    !> model, mesh  as in `new_residuals`
    !> experiment  a free decay; its samples are replaced
@@ -125,7 +125,7 @@ contains
       end select
    end subroutine set_window
 
-   !> Searches the minimum of the window.
+   !> Searches for the minimum of the window.
    !>
    !> start  as `p` of `found_t`
    !> found  with `sum_of_squares` = huge if the model cannot be computed at the start
@@ -211,8 +211,8 @@ contains
       end associate
    end subroutine evaluate
 
-   !> Computes residuals, and their derivatives by the free parameters, the deviations of the roots,
-   !> and the linear unknowns.
+   !> Computes residuals, and their derivatives with respect to the free parameters, the
+   !> deviations of the roots, and the linear unknowns.
    !>
    !> p    (n + 2 modes) free parameters; real and imaginary part of each deviation
    !> r    (rows)
@@ -288,7 +288,7 @@ contains
    !> Returns a point moved by a step, inside the bounds.
    !>
    !> p       as in `found_t`
-   !> change  as long, or longer
+   !> change  (size(p) or more) step; elements beyond p are ignored
    pure function move(self, p, change) result(moved)
       class(window_search_t), intent(in) :: self
       real(wp), intent(in) :: p(:), change(:)
@@ -306,7 +306,7 @@ contains
    !> Finds the point of the least sum of squares on a grid of the parameter with its own prior. The
    !> amplitudes adapt at each point.
    !>
-   !> p      (n) on entry the other parameters; on return the best point
+   !> p      as of `found_t`; on return with the best value of the parameter
    !> range  ends of the grid
    !> points  number of its points
    !> is_found  .false.: the model could not be computed anywhere

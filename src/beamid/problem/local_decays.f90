@@ -6,7 +6,8 @@
 !>     e**(a x) = I_0(a) T_0(x) + 2 I_1(a) T_1(x) + 2 I_2(a) T_2(x) + ...,
 !>
 !> where T_k are Chebyshev's polynomials, I_k the modified Bessel functions (Abramowitz and Stegun,
-!> 9.6.34), and a is s - s0 times half the length of the record. The columns e**(s0 t) T_k are
+!> 9.6.34), and a is s - s0 times half the time in which the mode can be seen; a factor moves the
+!> middle of this time to 0. The columns e**(s0 t) T_k are
 !> decomposed once, so that each further evaluation works on as many rows as there are columns. They
 !> do not depend on the measured values, and may be whitened like these.
 module beamid_local_decays
@@ -151,8 +152,8 @@ contains
       call dorgqr(m, n, n, x, m, tau, work, size(work), info)
    end subroutine decompose
 
-   !> Returns whether roots are near enough, and the other quantities those of this basis.
-   !> Arguments as of `new_local_decay`.
+   !> Returns whether the basis covers roots: they are within its radius, and time and offset are
+   !> those of the basis. Arguments as of `new_local_decay`.
    pure logical function covers(self, s, begin, scale)
       class(local_decay_t), intent(in) :: self
       complex(wp), intent(in) :: s(:)
@@ -164,7 +165,7 @@ contains
       if (covers) covers = all(abs(s - self%s)*self%half <= self%radius)
    end function covers
 
-   !> Returns the condensed rows for roots that are covered, of a basis in the order of
+   !> Returns the condensed rows for roots that `covers` accepts. Their columns have the order of
    !> `free_mode_t`: for each mode the real parts of e**(s t) and t e**(s t), then the imaginary
    !> parts; and the offset.
    pure function near(self, s) result(found)

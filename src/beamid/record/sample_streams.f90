@@ -29,7 +29,7 @@ module beamid_sample_streams
       procedure, private :: find_first_row
    end type sample_stream_t
 
-   !> Longest header; without a row of numbers behind so many lines, the text is refused.
+   !> Largest number of lines of a header; a longer one is refused.
    integer, parameter :: longest_header = 200
 
 contains
@@ -124,9 +124,9 @@ contains
       self%previous = row(1)
    end subroutine take_line
 
-   !> Adds a line to the header, and looks whether it is the first row.
+   !> Adds a line to the header, and tries to read it as the first row.
    !>
-   !> is_found  whether it is; the reader then is at this row
+   !> is_found  whether it is the first row; the reader then is at this row
    !> error     a long header without a row; no such columns
    subroutine find_first_row(self, line, is_found, error)
       class(sample_stream_t), intent(inout) :: self

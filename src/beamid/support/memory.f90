@@ -16,13 +16,13 @@ module beamid_memory
       end function c_malloc_trim
    end interface
 
-   !> Number of samples from which it is worth the time: their arrays have many pages.
+   !> Least number of samples for which the memory that comes back is worth the time.
    integer, parameter :: many_samples = 100000
 
 contains
 
-   !> Returns free memory to the system after a step that has handled long records. Otherwise the
-   !> pages of arrays that are gone stay with the program between those of arrays in use.
+   !> Returns free memory to the system after a step that has handled long records. Without this
+   !> call, free pages that lie between used ones stay with the program.
    !>
    !> samples  number of samples of all records
    subroutine return_memory(samples)

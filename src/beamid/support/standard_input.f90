@@ -20,7 +20,7 @@ contains
       character(len=:), allocatable, intent(out) :: text
       type(error_t), allocatable, intent(out) :: error
       integer, parameter :: most = 65536
-      !> An interruption is noticed after this time.
+      !> Longest wait between checks for an interruption [ms].
       integer(c_int), parameter :: patience = 100
       character(kind=c_char) :: buffer(most)
       type(poll_t) :: which

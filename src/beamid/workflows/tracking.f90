@@ -21,12 +21,12 @@ module beamid_tracking
 
    !> Name of a record that is read from standard input.
    character(len=*), parameter :: standard_input = '-'
-   !> Largest number of windows that a sample is in.
+   !> Largest window in units of the hop.
    integer, parameter :: most_windows = 100000
 
 contains
 
-   !> Refuses a case that `track` cannot follow a parameter in.
+   !> Refuses a case that `track` does not support.
    subroutine check_tracking(case, error)
       type(case_t), intent(in) :: case
       type(error_t), allocatable, intent(out) :: error
@@ -58,12 +58,12 @@ contains
                'one that is free in the last &stage', error)
          else if (any(is_coefficient(stage%free))) then
             call refuse(case%path, line, 'stage free', 'E(x) or c_D(x)', &
-               'single parameters, because a window determines no function', error)
+               'single parameters, because a window cannot determine a function', error)
          end if
       end associate
    end subroutine check_tracking
 
-   !> Makes the tracker of a case, on its last mesh.
+   !> Makes the tracker of a case, on its last mesh or on refinements of it.
    !>
    !> error  the case cannot be tracked; the model cannot be computed
    subroutine prepare_tracking(case, tracker, error)
@@ -125,7 +125,7 @@ contains
    !> Follows the parameter through samples that have arrived.
    !>
    !> t, z   (m) times [time] and values in the unit of the record
-   !> rows   result of each window that they complete
+   !> rows   result of each window that these samples complete
    !> error  interrupted
    subroutine take_samples(case, tracker, t, z, rows, error)
       type(case_t), intent(in) :: case
