@@ -51,6 +51,21 @@ TABLE = """mode,frequency_hz,sd_hz,damping_ratio,sd_damping
 3,171.13,0.02,0.0155,0.0003
 """
 FREE = "&stage free='E','c_D','gamma' /\n"
+# A cantilever on a rigid support, which follows a free decay.
+TRACK = """&beam           length=0.5, rho=2.67, E=2e11, width=0.05, height=0.0066, c_D=5e6 /
+&sensor         m_S=0.03, x_S=0.34 /
+&support        x_P=0.10 /
+&excitation     kind='free', modes=2 /
+&discretization degree=5 /
+&record         file='dwell/record.csv', sd=0.05 /
+&stage          free='x_P','c_D','offset' /
+&track          parameter='x_P', window=0.3, hop=0.01, rate=0.05 /
+&units          length='m', force='N', time='s', mass='kg' /
+"""
+DWELL = """kind='release', displacement=0.001 /
+&noise sd=0.05, seed=1 /
+&record t_first=0.0005, t_last=1, t_step=0.0005 /
+"""
 # Name of a page: the commands that fill its folder.
 PAGES = {
     "identify": [["identify", DATA / "bench_fit.nml"]],
@@ -70,6 +85,7 @@ PAGES = {
     "design": [["design", DATA / "design_table_4_1.nml"]],
     "ensemble": [["ensemble", "ensemble.nml"]],
     "fleet": [["ensemble", "fleet.nml"]],
+    "track": [["track", "track.nml"]],
     "table-4.1": [["reproduce", "table-4.1"]],
     "section-4": [["reproduce", "section-4"]],
 }
@@ -161,6 +177,11 @@ def page(request, browser):
     (OUT / "frf_fit.nml").write_text(re.sub("&record.*\n", RESPONSE, start))
     (OUT / "modes_fit.nml").write_text(re.sub("&record.*\n", MODES, start))
     (OUT / "mixed_fit.nml").write_text(re.sub("&record.*\n", RESPONSE + MODES, start))
+    dwell = re.sub("&(record|stage|track|disc).*\n", "", TRACK)
+    (OUT / "dwell.nml").write_text(dwell.replace("kind='free', modes=2 /\n", DWELL))
+    (OUT / "track.nml").write_text(TRACK)
+    if request.param == "track":
+        run(program(), "simulate", "dwell.nml", "--out", "dwell", "--quiet")
     if request.param.endswith("-fit"):
         run(program(), "frf", "strip.nml", "--out", "frf", "--quiet")
     folder = OUT / request.param
