@@ -36,6 +36,8 @@ module beamid_commands
       logical :: time = .false.                  !< --time: measure the time of a fit
       character(len=:), allocatable :: only      !< --only i:j: some members of an ensemble
       logical :: only_new = .false.              !< --only-new: cases without a valid result
+      logical :: damping = .false.               !< --damping: compare damping mechanisms
+      logical :: by_ratios = .false.             !< --damping=ratios: by damping ratios alone
       logical :: markdown = .false.              !< --markdown: the reference in Markdown
    end type settings_t
 

@@ -1,11 +1,13 @@
-!> The command `compare`: compares several models of one record by information criteria and tests of
-!> nested models.
+!> The command `compare`: compares several models of one record, or damping mechanisms, by
+!> information criteria and tests of nested models.
 module beamid_comparison
    use beamid
    use beamid_candidates, only: candidate_t
    use beamid_commands, only: deliver, settings_t
    use beamid_comparison_reports, only: report_comparison
-   use beamid_comparisons, only: check_samples, fit_candidates, new_candidate, set_labels
+   use beamid_comparisons, only: check_samples, compare_damping, fit_candidates, new_candidate, &
+      set_labels
+   use beamid_damping_models, only: damping_models_t
    use beamid_outputs, only: output_t
    use beamid_strings, only: string_t
    use beamid_tables, only: labels_table
@@ -18,7 +20,8 @@ module beamid_comparison
 
 contains
 
-   !> Runs `beamid compare a.nml b.nml ...` on the last mesh of each case.
+   !> Runs `beamid compare a.nml b.nml ...` on the last mesh of each case, or `beamid compare
+   !> --damping case.nml`.
    subroutine run_compare(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -31,6 +34,10 @@ contains
       type(text_t) :: cases
       integer :: k
 
+      if (settings%damping) then
+         call run_damping(settings, error)
+         return
+      end if
       associate (paths => settings%subjects)
          allocate (models(size(paths)), names(size(paths)))
          do k = 1, size(paths)
@@ -55,5 +62,26 @@ contains
       call output%add('case.txt', cases%content(), is_quoted=.true.)
       call deliver(output, summary, settings, 'compare', error)
    end subroutine run_compare
+
+   !> Runs `beamid compare --damping case.nml`: compares damping mechanisms.
+   subroutine run_damping(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(damping_models_t) :: found
+      type(string_t), allocatable :: labels(:)
+      type(progress_t) :: progress
+      type(output_t) :: output
+      character(len=:), allocatable :: summary
+
+      call read_case(settings%subject, needs_fit, case, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call compare_damping(case, settings%by_ratios, found, labels, error, progress)
+      call progress%finish()
+      if (allocated(error)) return
+      call report_comparison(found%models, labels, output, summary, found)
+      call deliver(output, summary, settings, case%name, error, case)
+   end subroutine run_damping
 
 end module beamid_comparison

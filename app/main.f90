@@ -66,6 +66,9 @@ contains
          case ('--time'); settings%time = .true.
          case ('--only-new'); settings%only_new = .true.
          case ('--markdown'); settings%markdown = .true.
+         case ('--damping', '--damping=ratios')
+            settings%damping = .true.
+            settings%by_ratios = word /= '--damping'
          case ('--only')
             k = k + 1
             settings%only = argument(k)
@@ -136,8 +139,10 @@ contains
             if (given == 0) call bad_input(error, command// &
                ': found nothing, expected a case file')
          case ('compare')
-            if (given < 2) call bad_input(error, 'compare: found '//to_text(given)// &
-               ' case files, expected two or more')
+            if (settings%damping .and. given /= 1) call bad_input(error, 'compare --damping: '// &
+               'found '//to_text(given)//' case files, expected one')
+            if (given < 2 .and. .not. settings%damping) call bad_input(error, 'compare: found '// &
+               to_text(given)//' case files, expected two or more, or --damping and one')
          case ('reproduce')
             if (given == 0) call bad_input(error, &
                'reproduce: found nothing, expected '//reproducible)
@@ -148,6 +153,8 @@ contains
          if (.not. allocated(error) .and. command /= 'ensemble' .and. (settings%only_new .or. &
             allocated(settings%only))) call bad_input(error, command//': found --only, '// &
             'expected it behind ensemble')
+         if (.not. allocated(error) .and. command /= 'compare' .and. settings%damping) &
+            call bad_input(error, command//': found --damping, expected it behind compare')
          if (.not. allocated(error) .and. command /= 'help' .and. settings%markdown) &
             call bad_input(error, command//': found --markdown, expected it behind help')
       end associate

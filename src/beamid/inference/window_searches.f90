@@ -2,6 +2,7 @@
 !> with amplitudes of its own. One parameter may have a prior of its own in each window.
 module beamid_window_searches
    use beamid_autoregression, only: predictor_of, take_prediction
+   use beamid_deviations, only: deviation_columns, set_deviations
    use beamid_errors, only: error_t, status_interrupted
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
@@ -60,7 +61,6 @@ module beamid_window_searches
       procedure :: move
       procedure, private :: evaluate
       procedure, private :: compute_rows
-      procedure, private :: set_deviations
       procedure, private :: hold
    end type window_search_t
 
@@ -222,7 +222,7 @@ contains
       real(wp), intent(in) :: p(:)
       real(wp), allocatable, intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: without(:, :), c(:)
+      real(wp), allocatable :: without(:, :), c(:), t(:)
       integer :: first, k, m, n, rows, unknowns
 
       m = self%problem%samples()
@@ -230,39 +230,19 @@ contains
       unknowns = self%problem%linear_unknowns()
       n = size(self%variables)
       allocate (r(rows), c(unknowns), without(rows, n + unknowns), jac(rows, size(p) + unknowns))
-      call self%set_deviations(p)
+      call set_deviations(self%problem, 1, cmplx(p(n + 1::2), p(n + 2::2), wp))
       call self%problem%evaluate(p(:n), r, without, error, c)
       if (allocated(error)) return
       jac(:, :n) = without(:, :n)
       jac(:, size(p) + 1:) = without(:, n + 1:)
-      select type (observed => self%problem%parts(1)%observed)
-      type is (time_record_t)
-         associate (t => observed%sampling%sample_times)
-            do k = 1, size(p) - n, 2
-               ! The columns of a mode are Re z and -Im z, z proportional to e**(s t).
-               first = size(p) + k
-               jac(:m, n + k) = (t - t(1))*(c(k)*jac(:m, first) + c(k + 1)*jac(:m, first + 1))
-               jac(:m, n + k + 1) = (t - t(1))*(c(k)*jac(:m, first + 1) - c(k + 1)*jac(:m, first))
-               jac(m + 1:, n + k:n + k + 1) = 0
-            end do
-         end associate
-      end select
+      jac(m + 1:, n + 1:size(p)) = 0
+      t = self%problem%parts(1)%observed%times()
+      t = t - t(1)
+      do k = 1, size(p) - n, 2
+         first = size(p) + k
+         jac(:m, n + k:n + k + 1) = deviation_columns(t, jac(:m, first:first + 1), c(k:k + 1))
+      end do
    end subroutine compute_rows
-
-   !> Sets the deviations of the roots.
-   !>
-   !> p  as in `compute_rows`
-   subroutine set_deviations(self, p)
-      class(window_search_t), intent(inout) :: self
-      real(wp), intent(in) :: p(:)
-      integer :: n
-
-      select type (observed => self%problem%parts(1)%observed)
-      type is (time_record_t)
-         n = size(self%variables)
-         observed%deviation = cmplx(p(n + 1::2), p(n + 2::2), wp)
-      end select
-   end subroutine set_deviations
 
    !> Computes the step. A parameter at a bound stays there if the step would cross the bound.
    subroutine hold(self, trial)
@@ -320,14 +300,15 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: r(self%problem%rows()), best, least
       type(error_t), allocatable :: refusal
-      integer :: k
+      integer :: k, n
 
       is_found = .false.
+      n = size(self%variables)
       best = p(self%which)
       least = huge(least)
       do k = 1, points
          p(self%which) = range(1) + (k - 0.5_wp)/points*(range(2) - range(1))
-         call self%set_deviations(p)
+         call set_deviations(self%problem, 1, cmplx(p(n + 1::2), p(n + 2::2), wp))
          call self%problem%residuals(p(:size(self%variables)), r, refusal)
          if (allocated(refusal)) then
             if (refusal%status == status_interrupted) then

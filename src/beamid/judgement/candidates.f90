@@ -1,6 +1,8 @@
 !> Candidate models of the same records, which `compare` ranks: fits each, counts its estimated
 !> parameters, and tells which model is nested in which.
 module beamid_candidates
+   use beamid_criteria, only: aicc, bic
+   use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
@@ -15,7 +17,7 @@ module beamid_candidates
    implicit none
    private
 
-   public :: candidate_t, fit_candidate, same_samples, is_nested
+   public :: candidate_t, compute_criteria, criteria_t, fit_candidate, same_samples, is_nested
 
    !> Owners of a parameter in a record: none, because it is fixed, or all records together. A
    !> positive owner is the number of the record that has the parameter for itself.
@@ -29,15 +31,57 @@ module beamid_candidates
       type(stage_t), allocatable :: stages(:)
       type(experiment_t), allocatable :: experiments(:)   !< (records)
       type(stage_fit_t) :: fit                 !< fit of the last stage
+      !> number of values of the fit that have no weight, because the comparison ignores them
+      integer :: ignored = 0
       !> (parameters, records) owner of each parameter; one that any stage has freed is estimated.
       !> Allocated by `fit_candidate`.
       integer, allocatable :: owner(:, :)
    contains
       procedure :: unknowns
       procedure :: sum_of_squares
+      procedure :: samples
+      procedure :: knows_noise
    end type candidate_t
 
+   !> The criteria of several models of the same records.
+   type :: criteria_t
+      real(wp), allocatable :: J(:), aicc(:), bic(:)   !< (models)
+      integer :: samples = 0             !< number of values that are compared
+      logical :: noise_is_known = .false.
+      !> Factor by which the residuals of the best model exceed the known noise in variance, if that
+      !> is improbable; J is divided by it. Otherwise 1.
+      real(wp) :: inflation = 1
+   end type criteria_t
+
 contains
+
+   !> Computes J and the information criteria of fitted models.
+   !>
+   !> If the noise is known, but no model leaves residuals that are as small, the models lack
+   !> something in common. Then J is divided by the chi-square per degree of freedom of the model
+   !> with the smallest residuals (Burnham and Anderson, Model Selection and Multimodel Inference,
+   !> 2nd edition, section 2.5), so that differences do not seem more certain than they are.
+   function compute_criteria(models) result(criteria)
+      type(candidate_t), intent(in) :: models(:)
+      type(criteria_t) :: criteria
+      real(wp), parameter :: improbable = 0.01_wp
+      integer :: best, freedom(size(models)), k
+
+      criteria%J = [(models(k)%sum_of_squares(), k=1, size(models))]
+      criteria%samples = models(1)%samples()
+      criteria%noise_is_known = all([(models(k)%knows_noise(), k=1, size(models))])
+      if (criteria%noise_is_known) then
+         freedom = [(max(1, criteria%samples - models(k)%unknowns()), k=1, size(models))]
+         best = minloc(criteria%J/freedom, dim=1)
+         if (chi_square_tail(criteria%J(best), real(freedom(best), wp)) < improbable) &
+            criteria%inflation = criteria%J(best)/freedom(best)
+         criteria%J = criteria%J/criteria%inflation
+      end if
+      criteria%aicc = [(aicc(criteria%J(k), criteria%samples, models(k)%unknowns(), &
+         criteria%noise_is_known), k=1, size(models))]
+      criteria%bic = [(bic(criteria%J(k), criteria%samples, models(k)%unknowns(), &
+         criteria%noise_is_known), k=1, size(models))]
+   end function compute_criteria
 
    !> Returns whether two models have the same records, sample by sample.
    pure logical function same_samples(a, b) result(same)
@@ -53,7 +97,8 @@ contains
    !> Fits one model with all its stages.
    !>
    !> candidate  on return with `fit` and `owner`
-   !> error      a stage that fails, or J = 0, for which the criteria are not defined
+   !> error      a stage that fails, or J = 0, for which the criteria are not defined unless the noise
+   !>            is known
    subroutine fit_candidate(candidate, error, monitor)
       type(candidate_t), intent(inout) :: candidate
       type(error_t), allocatable, intent(out) :: error
@@ -82,7 +127,7 @@ contains
             end associate
          end do
       end do
-      if (.not. candidate%fit%fit%J > 0) call failure(error, &
+      if (.not. (candidate%fit%fit%J > 0 .or. candidate%knows_noise())) call failure(error, &
          'J = 0: the criteria are not defined for a model that leaves no residual')
    end subroutine fit_candidate
 
@@ -101,6 +146,21 @@ contains
          end associate
       end do
    end function unknowns
+
+   !> Returns the number of values that are compared.
+   pure integer function samples(self)
+      class(candidate_t), intent(in) :: self
+
+      samples = size(self%fit%residual) - self%ignored
+   end function samples
+
+   !> Returns whether the noise of all data is known before the fit.
+   pure logical function knows_noise(self)
+      class(candidate_t), intent(in) :: self
+      integer :: k
+
+      knows_noise = all([(self%experiments(k)%has_known_noise(), k=1, size(self%experiments))])
+   end function knows_noise
 
    !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
    pure real(wp) function sum_of_squares(self) result(J)

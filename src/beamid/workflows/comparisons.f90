@@ -3,6 +3,7 @@ module beamid_comparisons
    use beamid_candidates, only: candidate_t, fit_candidate, same_samples
    use beamid_case_files, only: case_t
    use beamid_cases, only: load_experiments
+   use beamid_damping_models, only: damping_models_t, fit_damping_models
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_least_squares, only: monitor_t
    use beamid_records, only: note_length
@@ -11,7 +12,7 @@ module beamid_comparisons
    implicit none
    private
 
-   public :: new_candidate, check_samples, fit_candidates, set_labels
+   public :: new_candidate, check_samples, compare_damping, fit_candidates, set_labels
 
 contains
 
@@ -71,6 +72,31 @@ contains
          if (allocated(error)) return
       end do
    end subroutine fit_candidates
+
+   !> Fits the records of a case with all damping mechanisms.
+   !>
+   !> by_ratios  whether only damping ratios are compared
+   !> labels     (models) names of the models in the tables
+   subroutine compare_damping(case, by_ratios, found, labels, error, monitor)
+      type(case_t), intent(in) :: case
+      logical, intent(in) :: by_ratios
+      type(damping_models_t), intent(out) :: found
+      type(string_t), allocatable, intent(out) :: labels(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(candidate_t) :: reference
+      integer :: k
+
+      call new_candidate(case, reference, error)
+      if (.not. allocated(error)) call fit_damping_models(reference, by_ratios, found, error, &
+         monitor)
+      call locate(error, case%path)
+      if (allocated(error)) return
+      allocate (labels(size(found%models)))
+      do k = 1, size(labels)
+         labels(k)%text = found%combinations(k)%name()
+      end do
+   end subroutine compare_damping
 
    !> Sets the names of the models in the tables: the names of the cases, or the paths of those
    !> whose names are the same.

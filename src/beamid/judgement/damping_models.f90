@@ -1,0 +1,313 @@
+!> Fits of the same data with different damping mechanisms of the beam: starts from measured damping
+!> ratios, fits, and the damping ratios of all modes by each model.
+module beamid_damping_models
+   use beamid_candidates, only: candidate_t, fit_candidate, held
+   use beamid_damping_starts, only: find_starts, frequency_range, tables_of
+   use beamid_errors, only: bad_input, error_t, failure
+   use beamid_experiments, only: experiment_t
+   use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
+   use beamid_identification, only: stage_fit_t, stage_t
+   use beamid_interrupts, only: check_interrupt, stop_flag
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
+   use beamid_measured_modes, only: measure_modes, measured_mode_t
+   use beamid_mechanisms, only: combination_t, combinations_for, is_of_damping, mechanism_t, &
+      mechanisms
+   use beamid_modal_tables, only: modal_table_t
+   use beamid_parameters, only: as_named, offset, set_free_parameter => set_free
+   use beamid_responses, only: is_exact
+   use beamid_strings, only: append_string, string_t
+   use beamid_structure, only: of_b, of_c_D
+   use beamid_variables, only: unbounded
+   implicit none
+   private
+
+   public :: damping_models_t, fit_damping_models
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+   !> The fits of all combinations of mechanisms.
+   type :: damping_models_t
+      !> whether damping ratios alone are compared, whose models keep the frequencies of a fit to all
+      !> data
+      logical :: by_ratios = .false.
+      type(combination_t), allocatable :: combinations(:)   !< (models)
+      type(candidate_t), allocatable :: models(:)
+      type(measured_mode_t), allocatable :: measured(:)     !< by the records alone
+      type(mode_list_t), allocatable :: modes(:)            !< (models) modes of each fitted model
+      !> (any number) names of the models whose fit has failed, and the reasons
+      type(string_t), allocatable :: failed(:), reasons(:)
+   end type damping_models_t
+
+   !> The modes of a model.
+   type :: mode_list_t
+      type(fitted_mode_t), allocatable :: modes(:)
+   end type mode_list_t
+
+   !> The fit of one combination, or the error.
+   type :: trial_t
+      type(candidate_t) :: model
+      type(error_t), allocatable :: error
+   end type trial_t
+
+contains
+
+   !> Fits all combinations of mechanisms that the data allow.
+   !>
+   !> reference  model, records and stages of a case; its own fit finds the natural frequencies
+   !> by_ratios  as in `damping_models_t`
+   !> found      the fits
+   !> error      the solver has no modes, the case frees no parameter, the fit of the case fails, or
+   !>            the fits of all combinations fail
+   subroutine fit_damping_models(reference, by_ratios, found, error, monitor)
+      type(candidate_t), intent(inout) :: reference
+      logical, intent(in) :: by_ratios
+      type(damping_models_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      !> Number of modes beyond the measured ones whose damping ratios are computed.
+      integer, parameter :: further = 4
+      type(trial_t), allocatable :: trials(:)
+      type(experiment_t), allocatable :: tables(:)
+      integer :: done, k
+
+      found%by_ratios = by_ratios
+      call fit_reference(reference, error, monitor)
+      if (.not. allocated(error)) call measure_modes(reference%model, reference%mesh, &
+         reference%experiments, reference%fit, found%measured, error)
+      if (.not. allocated(error) .and. by_ratios .and. size(found%measured) == 0) &
+         call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
+         'expected a free decay, a frequency response or a table of modes with damping ratios')
+      if (allocated(error)) return
+      tables = tables_of(reference%experiments, reference%mesh, reference%fit, found%measured)
+      found%combinations = combinations_for(any([(.not. allocated(reference%experiments(k) &
+         %observed), k=1, size(reference%experiments))]))
+      allocate (trials(size(found%combinations)))
+      done = 0
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do k = 1, size(trials)
+         call fit_combination(reference, found%combinations(k), tables, by_ratios, trials(k)%model, &
+            trials(k)%error)
+         !$omp critical (one_combination_done)
+         done = done + 1
+         if (present(monitor)) call monitor%done(done, size(trials))
+         !$omp end critical (one_combination_done)
+      end do
+      !$omp end parallel do
+      call check_interrupt(error)
+      if (.not. allocated(error)) call collect(trials, found, error)
+      if (allocated(error)) return
+      allocate (found%modes(size(found%models)))
+      do k = 1, size(found%models)
+         call fitted_modes(found%models(k)%mesh, found%models(k)%fit, &
+            maxval([0, found%measured%mode]) + further, found%modes(k)%modes, error)
+         if (allocated(error)) return
+      end do
+   end subroutine fit_damping_models
+
+   !> Fits the case itself. Without damping among its free parameters, c_D is free as well.
+   subroutine fit_reference(reference, error, monitor)
+      type(candidate_t), intent(inout) :: reference
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      integer :: k
+
+      if (.not. is_exact(reference%model%solver)) then
+         call bad_input(error, 'found method=''cvode'' in &integrator, expected method=''modal'', '// &
+            'because damping ratios are compared')
+         return
+      end if
+      associate (last => reference%stages(size(reference%stages)))
+         if (.not. any([(any(is_of_damping(reference%stages(k)%free)), &
+            k=1, size(reference%stages))])) then
+            call last%set_bounds()
+            last%record = [last%owners(), 0]
+            if (allocated(last%start)) last%start = [last%start, reference%model%structure%c_D]
+            last%free = [last%free, of_c_D]
+            last%lower = [last%lower, 0.0_wp]
+            last%upper = [last%upper, unbounded]
+         end if
+      end associate
+      call fit_candidate(reference, error, monitor)
+      if (allocated(error)) return
+      reference%refines = .false.
+   end subroutine fit_reference
+
+   !> Moves the fits that have succeeded into the result, and lists the others.
+   subroutine collect(trials, found, error)
+      type(trial_t), intent(inout) :: trials(:)
+      type(damping_models_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      logical :: succeeds(size(trials))
+      integer :: k, n
+
+      succeeds = [(.not. allocated(trials(k)%error), k=1, size(trials))]
+      if (.not. any(succeeds)) then
+         call failure(error, 'no damping mechanism can be fitted; '//found%combinations(1)%name()// &
+            ': '//trials(1)%error%message)
+         return
+      end if
+      allocate (found%models(count(succeeds)), found%failed(0), found%reasons(0))
+      n = 0
+      do k = 1, size(trials)
+         if (succeeds(k)) then
+            n = n + 1
+            found%models(n) = trials(k)%model
+         else
+            call append_string(found%failed, found%combinations(k)%name())
+            call append_string(found%reasons, trials(k)%error%message)
+         end if
+      end do
+      found%combinations = pack(found%combinations, succeeds)
+   end subroutine collect
+
+   !> Fits one combination: to the tables from several start values, then to all data from the
+   !> results, and for `by_ratios` to the damping ratios of the tables.
+   subroutine fit_combination(reference, combination, tables, by_ratios, model, error)
+      type(candidate_t), intent(in) :: reference
+      type(combination_t), intent(in) :: combination
+      type(experiment_t), intent(in) :: tables(:)
+      logical, intent(in) :: by_ratios
+      type(candidate_t), intent(out) :: model
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: starts(:, :)
+      type(candidate_t) :: trial
+      type(error_t), allocatable :: refusal
+      integer :: k
+
+      call set_up(reference, combination, tables, model)
+      call find_starts(model%model, model%mesh, model%stages(1), combination, tables, starts, error)
+      if (allocated(error)) return
+      do k = size(starts, 2), 1, -1
+         trial = model
+         trial%stages(1)%start = starts(:, k)
+         if (allocated(refusal)) deallocate (refusal)
+         call fit_candidate(trial, refusal)
+         if (allocated(refusal)) cycle
+         if (allocated(model%owner)) then
+            if (trial%sum_of_squares() > model%sum_of_squares()) cycle
+         end if
+         model = trial
+      end do
+      if (.not. allocated(model%owner)) then
+         call move_alloc(refusal, error)
+      else if (by_ratios) then
+         call refit_ratios(model, tables, error)
+      end if
+   end subroutine fit_combination
+
+   !> Sets up the model of a combination: one stage with the parameters of the combination and all
+   !> parameters without damping that the reference has estimated. All other damping of the beam is
+   !> 0.
+   subroutine set_up(reference, combination, tables, model)
+      type(candidate_t), intent(in) :: reference
+      type(combination_t), intent(in) :: combination
+      type(experiment_t), intent(in) :: tables(:)
+      type(candidate_t), intent(out) :: model
+      type(stage_t) :: stage, from
+      type(mechanism_t) :: m
+      real(wp) :: ends(2)
+      integer :: j, k, owner, p
+
+      model%model = reference%model
+      model%mesh = reference%mesh
+      model%experiments = reference%experiments
+      do k = 1, size(reference%owner, 1)
+         if (is_of_damping(k)) call set_free_parameter(model%model%structure, &
+            model%model%excitation, k, 0.0_wp)
+      end do
+      allocate (stage%free(0), stage%record(0), stage%start(0), stage%lower(0), stage%upper(0))
+      do j = size(reference%stages), 1, -1
+         from = reference%stages(j)
+         call from%set_bounds()
+         from%record = from%owners()
+         stage%offset = stage%offset .or. from%offset
+         do k = 1, size(from%free)
+            p = from%free(k)
+            owner = from%record(k)
+            if (p == offset .or. is_of_damping(p)) cycle
+            if (any(stage%free == p .and. stage%record == owner)) cycle
+            if (reference%owner(p, max(1, owner)) == held) cycle
+            call add(p, owner, as_named(p, reference%fit%scenario%get(p, owner)), from%lower(k), &
+               from%upper(k))
+         end do
+      end do
+      do j = 1, size(combination%parts)
+         m = mechanisms(combination%parts(j))
+         call add(m%strength, 0, 0.0_wp, 0.0_wp, unbounded)
+         if (m%range == 0) cycle
+         ends = limits(m%range)
+         call add(m%range, 0, sqrt(product(ends)), ends(1), ends(2))
+      end do
+      model%stages = [stage]
+
+   contains
+
+      !> Adds a parameter to the stage.
+      subroutine add(parameter, owner, start, lower, upper)
+         integer, intent(in) :: parameter, owner
+         real(wp), intent(in) :: start, lower, upper
+
+         stage%free = [stage%free, parameter]
+         stage%record = [stage%record, owner]
+         stage%start = [stage%start, start]
+         stage%lower = [stage%lower, lower]
+         stage%upper = [stage%upper, upper]
+      end subroutine add
+
+      !> Returns the bounds of a rate or range: beyond them, the mechanism differs from its limit by
+      !> less than any record shows.
+      pure function limits(parameter) result(ends)
+         integer, intent(in) :: parameter
+         real(wp) :: ends(2)
+
+         if (any(parameter == of_b)) then
+            ends = two_pi*frequency_range(tables)*[1e-3_wp, 1e4_wp]
+         else
+            ends = reference%fit%scenario%structures(1)%length*[1e-3_wp, 10.0_wp]
+         end if
+      end function limits
+
+   end subroutine set_up
+
+   !> Fits the damping of a model to the damping ratios of the tables alone. All other parameters
+   !> keep the values of the fit to all data.
+   subroutine refit_ratios(model, tables, error)
+      type(candidate_t), intent(inout) :: model
+      type(experiment_t), intent(in) :: tables(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: no_weight = 1e12_wp
+      type(stage_t) :: stage
+      type(stage_fit_t) :: whole
+      integer :: k, r
+
+      whole = model%fit
+      stage = model%stages(1)
+      if (any(stage%owners() > 0 .and. .not. is_of_damping(stage%free))) then
+         call bad_input(error, 'found parameters of single records, expected common ones, because '// &
+            'damping ratios alone are compared')
+         return
+      end if
+      do k = 1, size(whole%free)
+         call set_free_parameter(model%model%structure, model%model%excitation, whole%free(k), &
+            whole%fit%estimate(k))
+      end do
+      stage = stage%without(.not. is_of_damping(stage%free))
+      stage%start = [(whole%quantities(findloc(whole%free, stage%free(k), dim=1))%value, &
+         k=1, size(stage%free))]
+      stage%offset = .false.
+      model%stages = [stage]
+      model%experiments = tables
+      model%ignored = 0
+      do r = 1, size(tables)
+         select type (table => model%experiments(r)%observed)
+         type is (modal_table_t)
+            table%sd_frequency = no_weight*table%sd_frequency
+            model%experiments(r)%measured = table%values()
+            model%ignored = model%ignored + size(table%mode)
+         end select
+      end do
+      call fit_candidate(model, error)
+   end subroutine refit_ratios
+
+end module beamid_damping_models

@@ -1,0 +1,331 @@
+!> Start values for fits with given damping mechanisms: fits to the natural frequencies and damping
+!> ratios that the records show, from a grid of rates or ranges.
+module beamid_damping_starts
+   use beamid_errors, only: error_t, failure
+   use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
+   use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: model_t, stage_fit_t, stage_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: options_t
+   use beamid_measured_modes, only: measured_mode_t
+   use beamid_mechanisms, only: combination_t, mechanism_t, mechanisms
+   use beamid_modal_tables, only: modal_table_t
+   use beamid_model_roots, only: model_roots
+   use beamid_parameters, only: as_named
+   use beamid_peak_starts, only: fit_to_modes
+   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_structure, only: of_b, of_E
+   implicit none
+   private
+
+   public :: find_starts, frequency_range, tables_of
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+contains
+
+   !> Returns the measured modes of each record as a table; an empty one for a record without. If no
+   !> record shows modes by itself, the modes of the fit stand in, as rough start values.
+   !>
+   !> experiments  (records) that were fitted
+   !> mesh, fit    their fit
+   !> tables       (records)
+   function tables_of(experiments, mesh, fit, measured) result(tables)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      type(measured_mode_t), intent(in) :: measured(:)
+      type(experiment_t), allocatable :: tables(:)
+      !> Errors of the modes of the fit, as shares of frequency and damping ratio.
+      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.1_wp
+      type(measured_mode_t), allocatable :: here(:), listed(:)
+      type(modal_table_t), allocatable :: table
+      type(fitted_mode_t), allocatable :: fitted(:)
+      type(error_t), allocatable :: error
+      integer, parameter :: assumed = 3
+      integer :: k, r
+
+      listed = measured
+      if (size(listed) == 0) then
+         call fitted_modes(mesh, fit, assumed, fitted, error)
+         if (.not. allocated(error)) listed = [(measured_mode_t(fitted(k)%record, 0, &
+            fitted(k)%frequency, of_frequency*fitted(k)%frequency, fitted(k)%damping_ratio, &
+            of_damping*fitted(k)%damping_ratio), k=1, size(fitted))]
+         do k = 1, size(listed)
+            listed(k)%mode = count(listed(:k)%record == listed(k)%record)
+         end do
+      end if
+      tables = experiments
+      do r = 1, size(tables)
+         allocate (table)
+         here = pack(listed, listed%record == r)
+         table%mode = here%mode
+         table%frequency = here%frequency
+         table%sd_frequency = here%sd_frequency
+         table%damping = here%damping
+         table%sd_damping = here%sd_damping
+         table%noise_is_known = .true.
+         tables(r)%samples = [real(wp) ::]
+         tables(r)%measured = table%values()
+         tables(r)%sd = 1
+         tables(r)%motion = 0
+         tables(r)%excitation%modes = 0
+         if (allocated(tables(r)%observed)) deallocate (tables(r)%observed)
+         call move_alloc(table, tables(r)%observed)
+      end do
+   end function tables_of
+
+   !> Returns the lowest and the highest frequency of all tables [1/time].
+   pure function frequency_range(tables) result(ends)
+      type(experiment_t), intent(in) :: tables(:)
+      real(wp) :: ends(2)
+      integer :: r
+
+      ends = [huge(1.0_wp), 0.0_wp]
+      do r = 1, size(tables)
+         select type (table => tables(r)%observed)
+         type is (modal_table_t)
+            ends = [min(ends(1), minval(table%frequency)), max(ends(2), maxval(table%frequency))]
+         end select
+      end do
+   end function frequency_range
+
+   !> Finds start values by fits to the tables, which start from a grid of rates or ranges.
+   !>
+   !> model, mesh  as in `new_residuals`
+   !> given        free parameters with start values and bounds
+   !> starts       (free, 1 to 3) start values, the best first
+   !> error        the model cannot be computed from any start
+   subroutine find_starts(model, mesh, given, combination, tables, starts, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(stage_t), intent(in) :: given
+      type(combination_t), intent(in) :: combination
+      type(experiment_t), intent(in) :: tables(:)
+      real(wp), allocatable, intent(out) :: starts(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: most = 3
+      type(residual_t) :: problem, trial
+      type(stage_t) :: stage
+      type(options_t) :: options
+      type(error_t), allocatable :: refusal
+      real(wp), allocatable :: grid(:), misfit(:)
+      logical, allocatable :: is_least(:)
+      integer :: i, j, k, n, range
+
+      stage = given
+      stage%offset = .false.
+      call new_residuals(model, mesh, tables, problem, error, stage%free)
+      if (allocated(error)) return
+      call set_free(problem, stage)
+      do k = 1, size(stage%free)
+         call problem%scenario%set(stage%free(k), stage%record(k), as_named(stage%free(k), &
+            stage%start(k)))
+      end do
+      deallocate (stage%start)
+      range = maxval(mechanisms(combination%parts)%range)
+      grid = [0.0_wp]
+      if (range > 0) grid = grid_of(range, problem, tables)
+      n = size(stage%free)
+      allocate (misfit(0:size(grid) + 1), source=huge(1.0_wp))
+      do k = 1, size(grid)
+         if (allocated(refusal)) deallocate (refusal)
+         call guess(k, trial, misfit(k), refusal)
+         if (allocated(refusal)) misfit(k) = huge(misfit)
+      end do
+      is_least = [(misfit(k) < huge(misfit) .and. misfit(k) <= misfit(k - 1) .and. &
+         misfit(k) < misfit(k + 1), k=1, size(grid))]
+      allocate (starts(n, min(most, count(is_least))))
+      do j = 1, size(starts, 2)
+         k = minloc(misfit(1:size(grid)), dim=1, mask=is_least)
+         is_least(k) = .false.
+         call guess(k, trial, misfit(k), refusal)
+         call match_frequencies(trial)
+         ! A step that fails changes nothing.
+         call fit_to_modes(trial, stage, options, refusal)
+         starts(:, j) = [(as_named(stage%free(i), trial%scenario%get(stage%free(i), &
+            stage%record(i))), i=1, n)]
+      end do
+      if (size(starts, 2) == 0) then
+         call move_alloc(refusal, error)
+         if (.not. allocated(error)) call failure(error, 'no start value leads to a least misfit')
+      end if
+
+   contains
+
+      !> Sets a value of the grid, and the strengths that suit it; arguments as of `guess_strengths`.
+      subroutine guess(k, trial, misfit, error)
+         integer, intent(in) :: k
+         type(residual_t), intent(out) :: trial
+         real(wp), intent(out) :: misfit
+         type(error_t), allocatable, intent(out) :: error
+
+         trial = problem
+         if (range > 0) call trial%scenario%set(range, 0, grid(k))
+         call guess_strengths(trial, combination, misfit, error)
+      end subroutine guess
+
+   end subroutine find_starts
+
+   !> Returns values of a rate or range from which fits start.
+   pure function grid_of(parameter, problem, tables) result(grid)
+      integer, intent(in) :: parameter
+      type(residual_t), intent(in) :: problem
+      type(experiment_t), intent(in) :: tables(:)
+      real(wp), allocatable :: grid(:)
+      integer, parameter :: points = 21
+      real(wp) :: ends(2)
+      integer :: k
+
+      if (any(parameter == of_b)) then
+         ends = two_pi*frequency_range(tables)*[0.03_wp, 30.0_wp]
+      else
+         ends = problem%scenario%structures(1)%length*[0.01_wp, 3.0_wp]
+      end if
+      grid = [(ends(1)*(ends(2)/ends(1))**(real(k, wp)/(points - 1)), k=0, points - 1)]
+   end function grid_of
+
+   !> Sets the strengths of a combination so that its damping ratios agree with those of the tables,
+   !> as far as the damping ratios are linear in the strengths and no strength is negative.
+   !>
+   !> misfit  sum of squares of the remaining differences in standard errors
+   !> error   the roots of the model cannot be computed
+   subroutine guess_strengths(problem, combination, misfit, error)
+      type(residual_t), intent(inout) :: problem
+      type(combination_t), intent(in) :: combination
+      real(wp), intent(out) :: misfit
+      type(error_t), allocatable, intent(out) :: error
+      !> Strength at which damping ratios are computed, and least start value, as shares of a
+      !> moderate strength.
+      real(wp), parameter :: of_moderate = 0.1_wp, least = 1e-3_wp
+      real(wp) :: a(2, 2), b(2), strength(2), moderate(2)
+      type(mechanism_t) :: m
+      integer :: column(2), k, n
+
+      n = size(combination%parts)
+      do k = 1, n
+         m = mechanisms(combination%parts(k))
+         column(k) = findloc(problem%free, m%strength, dim=1)
+         moderate(k) = problem%scenario%magnitude_of(m%strength, 0)
+         call problem%scenario%set(m%strength, 0, of_moderate*moderate(k))
+      end do
+      call normal_equations(problem, column(:n), of_moderate*moderate(:n), a, b, misfit, error)
+      if (allocated(error)) return
+      strength(:n) = solution(n)
+      misfit = misfit + dot_product(strength(:n), matmul(a(:n, :n), strength(:n)) - 2*b(:n))
+      do k = 1, n
+         m = mechanisms(combination%parts(k))
+         call problem%scenario%set(m%strength, 0, max(strength(k), least*moderate(k)))
+      end do
+
+   contains
+
+      !> Returns the least-squares solution with no negative element.
+      pure function solution(n) result(x)
+         integer, intent(in) :: n
+         real(wp) :: x(n), det
+         integer :: keep
+
+         if (n == 1) then
+            x = b(1)/max(a(1, 1), tiny(1.0_wp))
+            return
+         end if
+         det = a(1, 1)*a(2, 2) - a(1, 2)**2
+         x = [a(2, 2)*b(1) - a(1, 2)*b(2), a(1, 1)*b(2) - a(1, 2)*b(1)]
+         if (det > epsilon(det)*a(1, 1)*a(2, 2) .and. all(x > 0)) then
+            x = x/det
+            return
+         end if
+         ! The mechanism that explains more by itself remains.
+         keep = 1
+         if (b(2)**2*a(1, 1) > b(1)**2*a(2, 2)) keep = 2
+         x = 0
+         x(keep) = b(keep)/max(a(keep, keep), tiny(1.0_wp))
+      end function solution
+
+   end subroutine guess_strengths
+
+   !> Multiplies E, if it is free, by the factor that brings the frequencies of the model to those of
+   !> the tables: time hysteresis stiffens the beam.
+   subroutine match_frequencies(problem)
+      type(residual_t), intent(inout) :: problem
+      complex(wp), allocatable :: s(:), ds(:, :)
+      type(error_t), allocatable :: error
+      real(wp) :: total
+      integer :: n, r
+
+      if (.not. any(problem%free == of_E .and. problem%record == 0)) return
+      n = 0
+      total = 0
+      do r = 1, size(problem%parts)
+         select type (table => problem%parts(r)%observed)
+         type is (modal_table_t)
+            if (size(table%mode) == 0) cycle
+            allocate (s(maxval(table%mode)))
+            allocate (ds(size(s), size(problem%free)))
+            call model_roots(problem, problem%scenario, r, s, ds, error)
+            if (allocated(error)) return
+            total = total + sum(log(two_pi*table%frequency/abs(s(table%mode))))
+            n = n + size(table%mode)
+            deallocate (s, ds)
+         end select
+      end do
+      if (n > 0) call problem%scenario%set(of_E, 0, problem%scenario%get(of_E, 0)*exp(2*total/n))
+   end subroutine match_frequencies
+
+   !> Adds up the normal equations a x = b for the strengths x, weighted by the errors of the
+   !> measured damping ratios.
+   !>
+   !> column  (n) places of the strengths among the free parameters
+   !> at      (n) strengths in the scenario
+   !> square  sum of squares for strengths of 0
+   subroutine normal_equations(problem, column, at, a, b, square, error)
+      type(residual_t), intent(inout) :: problem
+      integer, intent(in) :: column(:)
+      real(wp), intent(in) :: at(:)
+      real(wp), intent(out) :: a(2, 2), b(2), square
+      type(error_t), allocatable, intent(out) :: error
+      complex(wp), allocatable :: s(:), ds(:, :)
+      real(wp) :: row(size(column)), rest
+      integer :: i, k, n, r
+
+      a = 0
+      b = 0
+      square = 0
+      n = size(column)
+      do r = 1, size(problem%parts)
+         select type (table => problem%parts(r)%observed)
+         type is (modal_table_t)
+            if (size(table%mode) == 0) cycle
+            allocate (s(maxval(table%mode)))
+            allocate (ds(size(s), size(problem%free)))
+            call model_roots(problem, problem%scenario, r, s, ds, error)
+            if (allocated(error)) return
+            do k = 1, size(table%mode)
+               i = table%mode(k)
+               row = slope_of_ratio(s(i), ds(i, column))
+               rest = (table%damping(k) + real(s(i))/abs(s(i)) + dot_product(row, at)) &
+                  /table%sd_damping(k)
+               row = row/table%sd_damping(k)
+               b(:n) = b(:n) + rest*row
+               square = square + rest**2
+               a(:n, :n) = a(:n, :n) + spread(row, 2, n)*spread(row, 1, n)
+            end do
+            deallocate (s, ds)
+         end select
+      end do
+   end subroutine normal_equations
+
+   !> Returns the derivatives of a damping ratio -Re(s)/|s|.
+   !>
+   !> ds  (n) derivatives of the root s
+   pure function slope_of_ratio(s, ds) result(slope)
+      complex(wp), intent(in) :: s, ds(:)
+      real(wp) :: slope(size(ds))
+
+      slope = -real(ds)/abs(s) + real(s)*real(conjg(s)*ds)/abs(s)**3
+   end function slope_of_ratio
+
+end module beamid_damping_starts

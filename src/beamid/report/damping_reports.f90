@@ -1,0 +1,360 @@
+!> The report of `compare --damping`: measured damping ratios beside those of each model, what the
+!> data reject and what they cannot distinguish, and a measurement that would decide.
+module beamid_damping_reports
+   use beamid_candidates, only: criteria_t
+   use beamid_damping_models, only: damping_models_t
+   use beamid_distributions, only: normal_quantile
+   use beamid_fitted_modes, only: fitted_mode_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: filled
+   use beamid_mechanisms, only: spatial_hysteresis, time_hysteresis
+   use beamid_outputs, only: output_t
+   use beamid_strings, only: full, rounded, string_t, to_text
+   use beamid_structure, only: of_b, of_b_h
+   use beamid_texts, only: left, right, text_t
+   implicit none
+   private
+
+   public :: add_damping
+
+   !> Difference of AICc from the best model up to which a model counts as possible.
+   real(wp), parameter :: possible = 6
+
+   !> Width of the column with the names of the models, and of the other columns.
+   integer, parameter :: of_names = 26, of_numbers = 10
+
+   real(wp), parameter :: pi = acos(-1.0_wp)
+
+contains
+
+   !> Adds damping.csv and the first part of the summary.
+   !>
+   !> labels  (models) names of the models
+   subroutine add_damping(found, criteria, labels, output, text)
+      type(damping_models_t), intent(in) :: found
+      type(criteria_t), intent(in) :: criteria
+      type(string_t), intent(in) :: labels(:)
+      type(output_t), intent(inout) :: output
+      type(text_t), intent(inout) :: text
+      logical :: is_possible(size(labels))
+      integer :: best, k
+
+      best = minloc(criteria%aicc, dim=1)
+      is_possible = criteria%aicc - criteria%aicc(best) <= possible
+      call output%add('damping.csv', damping_table(found, labels))
+      call text%line('Preferred damping mechanism: '//labels(best)%text)
+      if (count(is_possible) > 1) then
+         is_possible(best) = .false.
+         call text%line('The data do not distinguish it from: '//list_of(labels, is_possible)// &
+            ' (AICc within 6)')
+         is_possible(best) = .true.
+      end if
+      if (.not. all(is_possible)) call text%line('The data reject: '//list_of(labels, &
+         .not. is_possible)//' (AICc more than 6 above the best)')
+      if (count(is_possible) > 1) then
+         call add_reason(found, is_possible, text)
+         call add_decision(found, criteria, labels, best, text)
+      end if
+      do k = 1, size(labels)
+         if (is_possible(k)) call add_limits(found, k, text)
+      end do
+      call add_misfit(found, labels(best)%text, best, text)
+      do k = 1, size(found%failed)
+         call text%line('Not fitted: '//found%failed(k)%text//': '//found%reasons(k)%text)
+      end do
+      call text%line()
+      call add_ratios(found, labels, text)
+   end subroutine add_damping
+
+   !> Returns names, separated by commas.
+   pure function list_of(labels, chosen) result(list)
+      type(string_t), intent(in) :: labels(:)
+      logical, intent(in) :: chosen(:)
+      character(len=:), allocatable :: list
+      integer :: k
+
+      list = ''
+      do k = 1, size(labels)
+         if (.not. chosen(k)) cycle
+         if (list /= '') list = list//', '
+         list = list//labels(k)%text
+      end do
+   end function list_of
+
+   !> Adds why the data do not distinguish the possible models: too few damping ratios, or ratios
+   !> that agree within their errors.
+   subroutine add_reason(found, is_possible, text)
+      type(damping_models_t), intent(in) :: found
+      logical, intent(in) :: is_possible(:)
+      type(text_t), intent(inout) :: text
+      real(wp) :: largest, ratio(size(is_possible))
+      integer :: j, k, most, n
+
+      n = size(found%measured)
+      most = 0
+      do k = 1, size(is_possible)
+         if (is_possible(k)) most = max(most, size(found%combinations(k)%parameters()))
+      end do
+      if (n == 0) return
+      if (n <= most) then
+         call text%line('Reason: '//to_text(n)//merge(' mode gives ', ' modes give ', n == 1)// &
+            to_text(n)//' damping ratio'//trim(merge(' ', 's', n == 1))//', which a model with '// &
+            to_text(n)//' or more damping parameters fits exactly.')
+         return
+      end if
+      largest = 0
+      do j = 1, n
+         do k = 1, size(is_possible)
+            ratio(k) = ratio_of(found, k, j)
+         end do
+         largest = max(largest, (maxval(ratio, is_possible) - minval(ratio, is_possible)) &
+            /found%measured(j)%sd_damping)
+      end do
+      call text%line(filled('Reason: in the measured modes, the damping ratios of these models '// &
+         'differ by at most #.1 standard errors.', [largest]))
+   end subroutine add_reason
+
+   !> Returns the damping ratio of the j-th measured mode by model k.
+   pure real(wp) function ratio_of(found, k, j)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: k, j
+      type(fitted_mode_t) :: mode
+
+      mode = mode_of(found, k, found%measured(j)%record, found%measured(j)%mode)
+      ratio_of = mode%damping_ratio
+   end function ratio_of
+
+   !> Returns a mode of a model; with a frequency of 0 if the model has no such mode.
+   pure type(fitted_mode_t) function mode_of(found, k, record, number)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: k, record, number
+      integer :: i, n
+
+      n = 0
+      associate (modes => found%modes(k)%modes)
+         do i = 1, size(modes)
+            if (modes(i)%record /= record) cycle
+            n = n + 1
+            if (n < number) cycle
+            mode_of = modes(i)
+            return
+         end do
+      end associate
+   end function mode_of
+
+   !> Adds the damping ratio whose measurement would decide between the best model and the one that
+   !> follows: that of the mode in which both differ most.
+   subroutine add_decision(found, criteria, labels, best, text)
+      type(damping_models_t), intent(in) :: found
+      type(criteria_t), intent(in) :: criteria
+      type(string_t), intent(in) :: labels(:)
+      integer, intent(in) :: best
+      type(text_t), intent(inout) :: text
+      !> Difference of two damping ratios, in standard errors, that decides; and relative difference
+      !> below which no measurement does.
+      real(wp), parameter :: decisive = 4, least = 0.05_wp
+      type(fitted_mode_t) :: one, other
+      real(wp) :: difference, largest, ratios(2)
+      integer :: chosen, k, second
+
+      second = minloc(criteria%aicc, dim=1, mask=[(k /= best, k=1, size(labels))])
+      largest = 0
+      chosen = 0
+      do k = 1, size(found%modes(best)%modes)
+         one = mode_of(found, best, 1, k)
+         other = mode_of(found, second, 1, k)
+         if (.not. min(one%frequency, other%frequency) > 0) exit
+         difference = abs(one%damping_ratio - other%damping_ratio) &
+            /max(one%damping_ratio, other%damping_ratio, tiny(1.0_wp))
+         if (difference <= largest) cycle
+         largest = difference
+         chosen = k
+      end do
+      if (largest < least) then
+         call text%line('No damping ratio of the modes up to '//to_text(size(found%modes(best) &
+            %modes))//' differs by more than 5 % between '//labels(best)%text//' and '// &
+            labels(second)%text//': they describe the same damping.')
+         return
+      end if
+      one = mode_of(found, best, 1, chosen)
+      other = mode_of(found, second, 1, chosen)
+      ratios = 100*[one%damping_ratio, other%damping_ratio]
+      call text%line('A measurement that would decide: the damping ratio of mode '// &
+         to_text(chosen)//' at '//rounded(one%frequency, 4)//' with a standard error below '// &
+         rounded(abs(ratios(1) - ratios(2))/decisive, 2)//' %. It is '//rounded(ratios(1), 3)// &
+         ' % with '//labels(best)%text//', '//rounded(ratios(2), 3)//' % with '// &
+         labels(second)%text//'.')
+   end subroutine add_decision
+
+   !> Adds a sentence if the rate or range of a model is at a limit, where only one combination of
+   !> its parameters can be determined.
+   subroutine add_limits(found, k, text)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: k
+      type(text_t), intent(inout) :: text
+      real(wp), parameter :: far = 3
+      real(wp) :: ends(2), range, wavelength
+      integer :: j, n
+
+      n = size(found%measured)
+      if (n == 0) return
+      ends = 2*pi*[minval(found%measured%frequency), maxval(found%measured%frequency)]
+      do j = 1, size(found%combinations(k)%parts)
+         associate (part => found%combinations(k)%parts(j), structure => found%models(k)%fit &
+            %scenario%structures(1))
+            select case (part)
+            case (time_hysteresis)
+               range = found%models(k)%fit%scenario%get(of_b(1), 0)
+               if (range > far*ends(2)) then
+                  call say('b_1 is far above the measured frequencies, where time hysteresis is '// &
+                     'Kelvin-Voigt damping: only d_1/b_1 is determined')
+               else if (range < ends(1)/far) then
+                  call say('b_1 is far below the measured frequencies, where time hysteresis '// &
+                     'damps like air: only d_1 b_1 is determined')
+               end if
+            case (spatial_hysteresis)
+               range = found%models(k)%fit%scenario%get(of_b_h, 0)
+               wavelength = structure%length/max(1, maxval(found%measured%mode))
+               if (range < wavelength/(2*pi)/far) then
+                  call say('b_h is far below the wavelengths, where spatial hysteresis is '// &
+                     'Kelvin-Voigt damping: only a_h b_h^2 is determined')
+               else if (range > structure%length) then
+                  call say('b_h is longer than the beam: only a_h/b_h is determined')
+               end if
+            end select
+         end associate
+      end do
+
+   contains
+
+      !> Adds a sentence about the model.
+      subroutine say(sentence)
+         character(len=*), intent(in) :: sentence
+
+         call text%line('Limit of '//found%combinations(k)%name()//': '//sentence//'.')
+      end subroutine say
+
+   end subroutine add_limits
+
+   !> Warns if the best model does not explain a measured damping ratio.
+   subroutine add_misfit(found, name, best, text)
+      type(damping_models_t), intent(in) :: found
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: best
+      type(text_t), intent(inout) :: text
+      real(wp), parameter :: allowed = 3.5_wp
+      real(wp) :: distance(size(found%measured))
+      integer :: j
+
+      if (size(distance) == 0) return
+      distance = [(abs(ratio_of(found, best, j) - found%measured(j)%damping) &
+         /found%measured(j)%sd_damping, j=1, size(distance))]
+      j = maxloc(distance, dim=1)
+      if (distance(j) > allowed) call text%line(filled('warning: the damping ratio of mode '// &
+         to_text(found%measured(j)%mode)//' is #.1 standard errors from that of '//name// &
+         ', the best model: no mechanism in this list explains it', distance(j:j)))
+   end subroutine add_misfit
+
+   !> Adds a table of the damping ratios, with a column for each measured mode.
+   subroutine add_ratios(found, labels, text)
+      type(damping_models_t), intent(in) :: found
+      type(string_t), intent(in) :: labels(:)
+      type(text_t), intent(inout) :: text
+      integer, parameter :: most = 5
+      real(wp) :: t
+      integer :: first, j, k, last
+
+      if (size(found%measured) == 0) then
+         call text%line('The records do not show damping ratios by themselves: that takes a free '// &
+            'decay, a frequency response or a table of modes.')
+         call text%line()
+      end if
+      t = normal_quantile(0.975_wp)
+      do first = 1, size(found%measured), most
+         last = min(first + most - 1, size(found%measured))
+         associate (m => found%measured(first:last))
+            call text%line(left('damping ratio [%] of mode', of_names)//titles(found, first, last))
+            call text%line(left('at the frequency', of_names)//numbers(m%frequency, 4))
+            call text%line(left('measured', of_names)//numbers(100*m%damping, 3))
+            call text%line(left('95 % half width', of_names)//numbers(100*t*m%sd_damping, 2))
+         end associate
+         do k = 1, size(labels)
+            call text%line(left(labels(k)%text, of_names)//numbers([(100*ratio_of(found, k, j), &
+               j=first, last)], 3))
+         end do
+         call text%line()
+      end do
+   end subroutine add_ratios
+
+   !> Returns the numbers of the modes as titles of columns, with that of the record if there are
+   !> several.
+   pure function titles(found, first, last) result(line)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: first, last
+      character(len=:), allocatable :: line
+      integer :: j
+
+      line = ''
+      do j = first, last
+         associate (m => found%measured(j))
+            if (any(found%measured%record /= 1)) then
+               line = line//right(to_text(m%mode)//'('//to_text(m%record)//')', of_numbers)
+            else
+               line = line//right(to_text(m%mode), of_numbers)
+            end if
+         end associate
+      end do
+   end function titles
+
+   !> Returns rounded values side by side.
+   pure function numbers(values, digits) result(line)
+      real(wp), intent(in) :: values(:)
+      integer, intent(in) :: digits
+      character(len=:), allocatable :: line
+      integer :: j
+
+      line = ''
+      do j = 1, size(values)
+         line = line//right(rounded(values(j), digits), of_numbers)
+      end do
+   end function numbers
+
+   !> Returns damping.csv: a row for each mode of each model, with the measured values beside it.
+   pure function damping_table(found, labels) result(content)
+      type(damping_models_t), intent(in) :: found
+      type(string_t), intent(in) :: labels(:)
+      character(len=:), allocatable :: content
+      type(text_t) :: table
+      real(wp) :: t
+      integer :: i, j, k, number, record
+
+      t = normal_quantile(0.975_wp)
+      call table%line('model,record,mode,frequency_hz,damping_ratio,measured_hz,'// &
+         'measured_damping,lower95,upper95')
+      do k = 1, size(labels)
+         number = 0
+         record = 0
+         do i = 1, size(found%modes(k)%modes)
+            associate (mode => found%modes(k)%modes(i))
+               if (mode%record /= record) number = 0
+               record = mode%record
+               number = number + 1
+               call table%add(labels(k)%text//','//to_text(record)//','//to_text(number)//','// &
+                  full(mode%frequency)//','//full(mode%damping_ratio))
+               j = findloc(found%measured%record == record .and. found%measured%mode == number, &
+                  .true., dim=1)
+               if (j == 0) then
+                  call table%line(',,,,')
+                  cycle
+               end if
+               associate (m => found%measured(j))
+                  call table%line(','//full(m%frequency)//','//full(m%damping)//','// &
+                     full(m%damping - t*m%sd_damping)//','//full(m%damping + t*m%sd_damping))
+               end associate
+            end associate
+         end do
+      end do
+      content = table%content()
+   end function damping_table
+
+end module beamid_damping_reports
