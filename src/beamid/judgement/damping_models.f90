@@ -1,7 +1,7 @@
 !> Fits of the same data with different damping mechanisms of the beam: starts from measured damping
 !> ratios, fits, and the damping ratios of all modes by each model.
 module beamid_damping_models
-   use beamid_candidates, only: candidate_t, fit_candidate, held
+   use beamid_candidates, only: candidate_t, fit_candidate, held, shared
    use beamid_damping_starts, only: find_starts, frequency_range, tables_of
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
@@ -171,30 +171,68 @@ contains
       type(candidate_t), intent(out) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: starts(:, :)
-      type(candidate_t) :: trial
-      type(error_t), allocatable :: refusal
-      integer :: k
+      type(candidate_t) :: set_up_model
+      integer :: k, range
 
-      call set_up(reference, combination, tables, model)
-      call find_starts(model%model, model%mesh, model%stages(1), combination, tables, starts, error)
-      if (allocated(error)) return
-      do k = size(starts, 2), 1, -1
-         trial = model
-         trial%stages(1)%start = starts(:, k)
-         if (allocated(refusal)) deallocate (refusal)
-         call fit_candidate(trial, refusal)
-         if (allocated(refusal)) cycle
-         if (allocated(model%owner)) then
-            if (trial%sum_of_squares() > model%sum_of_squares()) cycle
-         end if
-         model = trial
-      end do
-      if (.not. allocated(model%owner)) then
-         call move_alloc(refusal, error)
-      else if (by_ratios) then
-         call refit_ratios(model, tables, error)
-      end if
+      call set_up(reference, combination, tables, set_up_model)
+      associate (stage => set_up_model%stages(1))
+         call find_starts(set_up_model%model, set_up_model%mesh, stage, combination, tables, starts, &
+            error)
+         if (allocated(error)) return
+         range = maxval(mechanisms(combination%parts)%range)
+         do k = 1, size(starts, 2)
+            call try(set_up_model, starts(:, k), model, error)
+            ! Where only one combination of strength and range matters, a search may wander along a
+            ! curved valley until its evaluations are used up.
+            if (allocated(error) .and. range > 0) call keep(set_up_model, range, starts(:, k), &
+               model, error)
+         end do
+      end associate
+      if (.not. allocated(model%owner)) return
+      if (allocated(error)) deallocate (error)
+      if (by_ratios) call refit_ratios(model, tables, error)
    end subroutine fit_combination
+
+   !> Fits a model from given start values, and keeps the fit if it is better than the one so far.
+   !>
+   !> start  (free) start values
+   !> best   the best fit so far, with `owner`; without it there is none
+   !> error  the fit has failed
+   subroutine try(model, start, best, error)
+      type(candidate_t), intent(in) :: model
+      real(wp), intent(in) :: start(:)
+      type(candidate_t), intent(inout) :: best
+      type(error_t), allocatable, intent(out) :: error
+      type(candidate_t) :: trial
+
+      trial = model
+      trial%stages(1)%start = start
+      call fit_candidate(trial, error)
+      if (allocated(error)) return
+      if (allocated(best%owner)) then
+         if (trial%sum_of_squares() > best%sum_of_squares()) return
+      end if
+      best = trial
+   end subroutine try
+
+   !> Does the same with the rate or range fixed at its start value. It still counts as estimated.
+   subroutine keep(model, range, start, best, error)
+      type(candidate_t), intent(in) :: model
+      integer, intent(in) :: range
+      real(wp), intent(in) :: start(:)
+      type(candidate_t), intent(inout) :: best
+      type(error_t), allocatable, intent(out) :: error
+      type(candidate_t) :: trial
+      logical :: is_range(size(start))
+
+      trial = model
+      is_range = trial%stages(1)%free == range
+      trial%stages(1) = trial%stages(1)%without(is_range)
+      call set_free_parameter(trial%model%structure, trial%model%excitation, range, &
+         start(findloc(is_range, .true., dim=1)))
+      call try(trial, pack(start, .not. is_range), best, error)
+      if (allocated(best%owner)) best%owner(range, :) = shared
+   end subroutine keep
 
    !> Sets up the model of a combination: one stage with the parameters of the combination and all
    !> parameters without damping that the reference has estimated. All other damping of the beam is

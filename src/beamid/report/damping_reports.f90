@@ -7,8 +7,10 @@ module beamid_damping_reports
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_kinds, only: wp
    use beamid_lines, only: filled
-   use beamid_mechanisms, only: spatial_hysteresis, time_hysteresis
+   use beamid_mechanisms, only: mechanism_t, mechanisms, spatial_hysteresis, &
+      time_hysteresis
    use beamid_outputs, only: output_t
+   use beamid_parameters, only: parameters
    use beamid_strings, only: full, rounded, string_t, to_text
    use beamid_structure, only: of_b, of_b_h
    use beamid_texts, only: left, right, text_t
@@ -187,15 +189,24 @@ contains
    end subroutine add_decision
 
    !> Adds a sentence if the rate or range of a model is at a limit, where only one combination of
-   !> its parameters can be determined.
+   !> its parameters can be determined, or was kept fixed.
    subroutine add_limits(found, k, text)
       type(damping_models_t), intent(in) :: found
       integer, intent(in) :: k
       type(text_t), intent(inout) :: text
       real(wp), parameter :: far = 3
+      type(mechanism_t) :: m
       real(wp) :: ends(2), range, wavelength
       integer :: j, n
 
+      do j = 1, size(found%combinations(k)%parts)
+         m = mechanisms(found%combinations(k)%parts(j))
+         if (m%range == 0) cycle
+         if (any(found%models(k)%fit%free == m%range)) cycle
+         call text%line(found%combinations(k)%name()//': '//trim(parameters(m%range)%name)// &
+            ' is kept at '//rounded(found%models(k)%fit%scenario%get(m%range, 0), 3)// &
+            ', because no search for it comes to an end.')
+      end do
       n = size(found%measured)
       if (n == 0) return
       ends = 2*pi*[minval(found%measured%frequency), maxval(found%measured%frequency)]
@@ -209,8 +220,8 @@ contains
                   call say('b_1 is far above the measured frequencies, where time hysteresis is '// &
                      'Kelvin-Voigt damping: only d_1/b_1 is determined')
                else if (range < ends(1)/far) then
-                  call say('b_1 is far below the measured frequencies, where time hysteresis '// &
-                     'damps like air: only d_1 b_1 is determined')
+                  call say('b_1 is far below the measured frequencies, where the '// &
+                     'damping ratio falls like 1/frequency: only d_1 b_1 is determined')
                end if
             case (spatial_hysteresis)
                range = found%models(k)%fit%scenario%get(of_b_h, 0)
