@@ -10,6 +10,7 @@ module beamid_candidates
    use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
+   use beamid_mechanisms, only: is_of_damping
    use beamid_parameters, only: get_free, is_there, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
    use beamid_statistics, only: misfit_of_records
@@ -190,6 +191,9 @@ contains
             do k = 1, size(parameters)
                if (k == offset .or. .not. (is_there(a%structures(r), k) .or. &
                   is_there(b%structures(r), k))) cycle
+               ! Fits to damping ratios alone keep the other parameters of fits to all data, which
+               ! differ slightly.
+               if (small%ignored > 0 .and. .not. is_of_damping(k)) cycle
                if (large%owner(k, r) < small%owner(k, r)) return
                if (large%owner(k, r) == held) then
                   if (.not. same_value(k, a%structures(r), a%excitations(r), b%structures(r), &

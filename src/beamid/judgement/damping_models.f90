@@ -6,7 +6,7 @@ module beamid_damping_models
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
-   use beamid_identification, only: stage_fit_t, stage_t
+   use beamid_identification, only: stage_t
    use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -171,27 +171,40 @@ contains
       type(candidate_t), intent(out) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: starts(:, :)
-      type(candidate_t) :: set_up_model
+      type(candidate_t) :: ready, whole
       integer :: k, range
 
-      call set_up(reference, combination, tables, set_up_model)
-      associate (stage => set_up_model%stages(1))
-         call find_starts(set_up_model%model, set_up_model%mesh, stage, combination, tables, starts, &
-            error)
-         if (allocated(error)) return
-         range = maxval(mechanisms(combination%parts)%range)
-         do k = 1, size(starts, 2)
-            call try(set_up_model, starts(:, k), model, error)
-            ! Where only one combination of strength and range matters, a search may wander along a
-            ! curved valley until its evaluations are used up.
-            if (allocated(error) .and. range > 0) call keep(set_up_model, range, starts(:, k), &
-               model, error)
-         end do
-      end associate
-      if (.not. allocated(model%owner)) return
+      call set_up(reference, combination, tables, ready)
+      call find_starts(ready%model, ready%mesh, ready%stages(1), combination, tables, starts, error)
+      if (allocated(error)) return
+      range = maxval(mechanisms(combination%parts)%range)
+      do k = 1, size(starts, 2)
+         call try_or_keep(ready, range, starts(:, k), whole, error)
+      end do
+      if (.not. allocated(whole%owner)) return
       if (allocated(error)) deallocate (error)
-      if (by_ratios) call refit_ratios(model, tables, error)
+      if (by_ratios) then
+         call refit_ratios(whole, range, tables, model, error)
+      else
+         model = whole
+      end if
    end subroutine fit_combination
+
+   !> Fits a model from given start values. If that fails, it is fitted once more with its rate or
+   !> range fixed: where only one combination of strength and range matters, a search may wander
+   !> along a curved valley until its evaluations are used up. Arguments as of `try`.
+   !>
+   !> range  number of the rate or range; 0: there is none
+   subroutine try_or_keep(model, range, start, best, error)
+      type(candidate_t), intent(in) :: model
+      integer, intent(in) :: range
+      real(wp), intent(in) :: start(:)
+      type(candidate_t), intent(inout) :: best
+      type(error_t), allocatable, intent(out) :: error
+
+      call try(model, start, best, error)
+      if (allocated(error) .and. range > 0) call keep(model, range, start, best, error)
+   end subroutine try_or_keep
 
    !> Fits a model from given start values, and keeps the fit if it is better than the one so far.
    !>
@@ -215,7 +228,8 @@ contains
       best = trial
    end subroutine try
 
-   !> Does the same with the rate or range fixed at its start value. It still counts as estimated.
+   !> Does the same as `try` with the rate or range fixed at its start value. It still counts as
+   !> estimated.
    subroutine keep(model, range, start, best, error)
       type(candidate_t), intent(in) :: model
       integer, intent(in) :: range
@@ -310,42 +324,48 @@ contains
 
    !> Fits the damping of a model to the damping ratios of the tables alone. All other parameters
    !> keep the values of the fit to all data.
-   subroutine refit_ratios(model, tables, error)
-      type(candidate_t), intent(inout) :: model
+   !>
+   !> whole  the fit to all data
+   !> range  as of `try_or_keep`
+   !> model  without `owner`; on return the fit
+   subroutine refit_ratios(whole, range, tables, model, error)
+      type(candidate_t), intent(in) :: whole
+      integer, intent(in) :: range
       type(experiment_t), intent(in) :: tables(:)
+      type(candidate_t), intent(inout) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: no_weight = 1e12_wp
+      type(candidate_t) :: ready
       type(stage_t) :: stage
-      type(stage_fit_t) :: whole
+      real(wp), allocatable :: start(:)
       integer :: k, r
 
-      whole = model%fit
-      stage = model%stages(1)
+      stage = whole%stages(1)
       if (any(stage%owners() > 0 .and. .not. is_of_damping(stage%free))) then
          call bad_input(error, 'found parameters of single records, expected common ones, because '// &
             'damping ratios alone are compared')
          return
       end if
-      do k = 1, size(whole%free)
-         call set_free_parameter(model%model%structure, model%model%excitation, whole%free(k), &
-            whole%fit%estimate(k))
+      ready = whole
+      do k = 1, size(whole%fit%free)
+         call set_free_parameter(ready%model%structure, ready%model%excitation, whole%fit%free(k), &
+            whole%fit%fit%estimate(k))
       end do
       stage = stage%without(.not. is_of_damping(stage%free))
-      stage%start = [(whole%quantities(findloc(whole%free, stage%free(k), dim=1))%value, &
-         k=1, size(stage%free))]
       stage%offset = .false.
-      model%stages = [stage]
-      model%experiments = tables
-      model%ignored = 0
+      ready%stages = [stage]
+      ready%experiments = tables
+      ready%ignored = 0
       do r = 1, size(tables)
-         select type (table => model%experiments(r)%observed)
+         select type (table => ready%experiments(r)%observed)
          type is (modal_table_t)
             table%sd_frequency = no_weight*table%sd_frequency
-            model%experiments(r)%measured = table%values()
-            model%ignored = model%ignored + size(table%mode)
+            ready%experiments(r)%measured = table%values()
+            ready%ignored = ready%ignored + size(table%mode)
          end select
       end do
-      call fit_candidate(model, error)
+      start = [(whole%fit%scenario%get(stage%free(k), 0), k=1, size(stage%free))]
+      call try_or_keep(ready, range, start, model, error)
    end subroutine refit_ratios
 
 end module beamid_damping_models

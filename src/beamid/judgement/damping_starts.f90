@@ -5,7 +5,7 @@ module beamid_damping_starts
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
-   use beamid_galerkin, only: mesh_t
+   use beamid_galerkin, only: coarsest, mesh_t
    use beamid_identification, only: model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: options_t
@@ -108,16 +108,21 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer, parameter :: most = 3
       type(residual_t) :: problem, trial
+      type(mesh_t) :: rough
       type(stage_t) :: stage
       type(options_t) :: options
       type(error_t), allocatable :: refusal
-      real(wp), allocatable :: grid(:), misfit(:)
+      !> Relative difference up to which two start values count as the same.
+      real(wp), parameter :: same = 0.01_wp
+      real(wp), allocatable :: grid(:), misfit(:), values(:)
       logical, allocatable :: is_least(:)
       integer :: i, j, k, n, range
 
       stage = given
       stage%offset = .false.
-      call new_residuals(model, mesh, tables, problem, error, stage%free)
+      rough = mesh
+      rough%elements = min(mesh%elements, coarsest)
+      call new_residuals(model, rough, tables, problem, error, stage%free)
       if (allocated(error)) return
       call set_free(problem, stage)
       do k = 1, size(stage%free)
@@ -137,16 +142,22 @@ contains
       end do
       is_least = [(misfit(k) < huge(misfit) .and. misfit(k) <= misfit(k - 1) .and. &
          misfit(k) < misfit(k + 1), k=1, size(grid))]
-      allocate (starts(n, min(most, count(is_least))))
-      do j = 1, size(starts, 2)
+      ! The end of the grid at the limit of Kelvin-Voigt damping serves as well, because a fit of the
+      ! wider model must not end above the fit of its limit.
+      k = merge(size(grid), 1, any(range == of_b))
+      is_least(k) = misfit(k) < huge(misfit)
+      allocate (starts(n, 0))
+      do j = 1, min(most, count(is_least))
          k = minloc(misfit(1:size(grid)), dim=1, mask=is_least)
          is_least(k) = .false.
          call guess(k, trial, misfit(k), refusal)
          call match_frequencies(trial)
          ! A step that fails changes nothing.
          call fit_to_modes(trial, stage, options, refusal)
-         starts(:, j) = [(as_named(stage%free(i), trial%scenario%get(stage%free(i), &
-            stage%record(i))), i=1, n)]
+         values = [(as_named(stage%free(i), trial%scenario%get(stage%free(i), stage%record(i))), &
+            i=1, n)]
+         if (any([(all(abs(values - starts(:, i)) <= same*abs(values)), i=1, size(starts, 2))])) cycle
+         starts = reshape([starts, values], [n, size(starts, 2) + 1])
       end do
       if (size(starts, 2) == 0) then
          call move_alloc(refusal, error)

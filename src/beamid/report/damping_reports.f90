@@ -247,16 +247,23 @@ contains
 
    end subroutine add_limits
 
-   !> Warns if the best model does not explain a measured damping ratio.
+   !> Warns if the best model does not explain a measured damping ratio, or leaves residuals that are
+   !> much larger than the stated noise.
    subroutine add_misfit(found, name, best, text)
       type(damping_models_t), intent(in) :: found
       character(len=*), intent(in) :: name
       integer, intent(in) :: best
       type(text_t), intent(inout) :: text
-      real(wp), parameter :: allowed = 3.5_wp
-      real(wp) :: distance(size(found%measured))
+      real(wp), parameter :: allowed = 3.5_wp, excess = 1.5_wp
+      real(wp) :: distance(size(found%measured)), noise
       integer :: j
 
+      associate (fit => found%models(best)%fit)
+         noise = sqrt(fit%statistics%variance)
+         if (fit%weighted .and. noise > excess) call text%line(filled('warning: the residuals '// &
+            'of the best model are #.1 times the stated noise; something else than damping is '// &
+            'missing in all models', [noise]))
+      end associate
       if (size(distance) == 0) return
       distance = [(abs(ratio_of(found, best, j) - found%measured(j)%damping) &
          /found%measured(j)%sd_damping, j=1, size(distance))]
