@@ -1,11 +1,12 @@
-!> The command `reproduce`: repeats the paper's computations and computes published benchmarks, and
-!> shows the results beside the published numbers. The studies themselves are in app/paper.
+!> The command `reproduce`: repeats the paper's computations and shows the results beside the
+!> published numbers. Also computes published benchmarks, and compares damping mechanisms. The studies themselves are in app/paper.
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: reproduce_acceleration
    use beamid_benchmarks, only: reproduce_benchmarks
    use beamid_commands, only: deliver, settings_t
    use beamid_convergence, only: reproduce_convergence
+   use beamid_damping_study, only: reproduce_damping
    use beamid_errors, only: bad_input
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
@@ -22,13 +23,14 @@ module beamid_reproduction
 
    !> Words that may follow the command, for messages.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
-      'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying, benchmarks or all'
+      'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying, benchmarks, '// &
+      'damping or all'
 
    !> The same words as a list; `all` stands for the first `in_all` of them.
    character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
-      'acceleration', 'convergence', 'varying', 'benchmarks', 'table-4.2', 'table-4.3', &
-      'table-4.4', 'table-4.5', 'table-4.6']
-   integer, parameter :: in_all = 6
+      'acceleration', 'convergence', 'varying', 'benchmarks', 'damping', 'table-4.2', &
+      'table-4.3', 'table-4.4', 'table-4.5', 'table-4.6']
+   integer, parameter :: in_all = 7
 
 contains
 
@@ -89,6 +91,8 @@ contains
          call reproduce_varying(output, summary, error)
       case ('benchmarks')
          call reproduce_benchmarks(data, output, summary, error)
+      case ('damping')
+         call reproduce_damping(output, summary, error, progress)
       case default
          call reproduce_section_4(data, settings%subject, output, summary, error, progress)
       end select

@@ -16,6 +16,7 @@ module beamid_case_fits
    use beamid_least_squares, only: monitor_t
    use beamid_memory, only: return_memory
    use beamid_multistart, only: identify_meshes_from_many, minima_t
+   use beamid_range_limits, only: judge_ranges
    use beamid_records, only: note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_response_checks, only: check_responses
@@ -211,6 +212,7 @@ contains
                   if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
                end if
                if (found%verdict%caution /= '') last%statistics%determined = .false.
+               call judge_ranges(case%model, mesh, found%experiments, last)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
             end if
          end associate
