@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import damping_page
 import figures as f
 import fit_page
 import frf_page
@@ -241,11 +242,17 @@ def comparison(outputs):
             "Under the restricted model, U follows a chi-square distribution.") + h.table(
                 ["restricted model", "full model", "restrictions", "U", "p", "conclusion"],
                 [cells], left=2, wrap=(5,))
-    return h.box("" if close else "good", headline, points), [("models", "Models", text)]
+    sections = [("models", "Models", text)]
+    if has_rows(outputs.folder / "damping.csv"):
+        return damping_page.verdict(outputs), [damping_page.damping_ratios(outputs), *sections]
+    return h.box("" if close else "good", headline, points), sections
 
 
 def acceleration_squared(outputs, rows):
     """Returns the unit of J, from the case files of the models if they are at hand."""
+    summary = outputs.summary("compare")
+    if summary and "because the noise is known" in summary.text:
+        return ""    # J is in units of the variance of the noise
     texts = list(outputs.case_files.values()) or [
         read_text(path) for row in rows for path in [find_case(row["model"])] if path]
     unit = outputs.units.get("acceleration") or (

@@ -187,7 +187,8 @@ a dashpot at the tip">
 # -- text
 
 # A symbol of a parameter: m_H, cos_1, 1/k_R, E(x), m_S.a, with an index of at most two characters.
-SYMBOL = re.compile(r"(?<![\w`/.])(1/)?([A-Za-z]|cos|sin|gamma|rho|kappa)_([A-Z]|\d{1,2})\b")
+SYMBOL = re.compile(r"(?:(?<![\w`/.])|(?<=_\w/))(1/)?"    # not in a path, but in a_h/b_h
+                    r"([A-Za-z]|cos|sin|gamma|rho|kappa)_([A-Z]|\d{1,2}|(?<=[ab]_)h)\b")
 
 
 def symbol(name):
@@ -222,7 +223,7 @@ def _readable(text):
     text = re.sub(r"\bE\(x\)", "<i>E</i>(<i>x</i>)", text)
     text = re.sub(r"(?<![\w/.])(?:[EJU](?![\w(=/-])|N(?= =))", r"<i>\g<0></i>", text)
     text = re.sub(r"(</sub>)\(x\)", r"\1(<i>x</i>)", text)
-    text = re.sub(r"(?<=[A-Za-zµ])\^(-?\d)\b", lambda match: match[1].translate(SUPERSCRIPTS), text)
+    text = re.sub(r"(?<=[A-Za-zµ>])\^(-?\d)\b", lambda match: match[1].translate(SUPERSCRIPTS), text)
     text = re.sub(r"(?<![\w.])-(?=\.?\d)", "\u2212", text)
     return re.sub(r"(\d)E([+-]?\d+)\b", lambda match: match[1] + power_of_ten(int(match[2])), text)
 

@@ -13,6 +13,7 @@ UNITS = (
     (r"c_R", "{force} {length} {time}"), (r"c_[A-Z]", "{force} {time}/{length}"),
     (r"k_R", "{force} {length}"), (r"k_[A-Z]", "{force}/{length}"),
     (r"x_[A-Z]|length|place|width|height", "{length}"), (r"I", "{length}^4"), (r"T", "{force}"),
+    (r"a_h", "{force} {time}"), (r"b_h", "{length}"), (r"b_\d", "1/{time}"),
     (r"density", "{mass}/{length}^3"), (r"g|cos|sin", "{length}/{time}^2"))
 FREQUENCY = re.compile(r"frequency_\d+$")
 

@@ -82,6 +82,7 @@ PAGES = {
                ["sample", DATA / "table_4_1_noisy.nml"]],
     "bootstrap": [["bootstrap", DATA / "table_4_1_noisy.nml"]],
     "compare": [["compare", *(DATA / f"rpl_table_4_{k}.nml" for k in (3, 4, 6))]],
+    "damping": [["compare", "--damping", "modes_fit.nml"]],
     "design": [["design", DATA / "design_table_4_1.nml"]],
     "ensemble": [["ensemble", "ensemble.nml"]],
     "fleet": [["ensemble", "fleet.nml"]],
@@ -188,7 +189,7 @@ def page(request, browser):
     shutil.rmtree(folder, ignore_errors=True)
     for command in PAGES[request.param]:
         run(program(), *command, "--out", folder, "--quiet")
-    command, *cases = PAGES[request.param][-1]
+    command, *cases = (word for word in PAGES[request.param][-1] if word != "--damping")
     report = [sys.executable, CHECKOUT / "scripts" / "report.py", folder]
     if command not in ("identify", "reproduce"):
         report += ["--case", *cases]

@@ -13,7 +13,9 @@ module beamid_c_runs
    use beamid_case_checks, only: check_needs, needs_fit
    use beamid_case_files, only: case_t
    use beamid_comparison_reports, only: report_comparison
-   use beamid_comparisons, only: check_samples, fit_candidates, new_candidate, set_labels
+   use beamid_comparisons, only: check_samples, compare_damping, fit_candidates, new_candidate, &
+      set_labels
+   use beamid_damping_models, only: damping_models_t
    use beamid_ensemble_reports, only: report_ensemble, tally_t
    use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble, run_members
    use beamid_errors, only: bad_input, error_t
@@ -38,7 +40,8 @@ contains
 
    !> Runs a command on an open case, or `compare` on several.
    !>
-   !> command  simulate, modes, frf, design, compare or ensemble
+   !> command  simulate, modes, frf, design, compare, compare --damping, compare --damping=ratios or
+   !>          ensemble
    !> cases    number of cases
    !> of       (cases) their handles
    !> labels   for `compare`: names of the models in the tables, one in each line; '': the names of
@@ -76,9 +79,11 @@ contains
                outcome%tables, outcome%summary, error, progress)
          case ('ensemble'); call run_ensemble(outcome, error, progress)
          case ('compare'); call run_compare(of, characters(labels), outcome, error, progress)
+         case ('compare --damping'); call run_damping(.false., outcome, error, progress)
+         case ('compare --damping=ratios'); call run_damping(.true., outcome, error, progress)
          case default
             call bad_input(error, 'found another command, expected simulate, modes, frf, '// &
-               'design, compare or ensemble')
+               'design, compare, compare --damping, compare --damping=ratios or ensemble')
          end select
          call end_progress(progress)
          call check_interrupt(error)
@@ -169,6 +174,26 @@ contains
       end subroutine set_label
 
    end subroutine run_compare
+
+   !> Compares damping mechanisms; `by_ratios` as in `compare_damping`.
+   subroutine run_damping(by_ratios, outcome, error, progress)
+      logical, intent(in) :: by_ratios
+      type(outcome_t), intent(inout) :: outcome
+      type(error_t), allocatable, intent(out) :: error
+      type(progress_t), pointer, intent(in) :: progress
+      type(damping_models_t) :: found
+      type(string_t), allocatable :: labels(:)
+
+      call check_needs(outcome%case, needs_fit, error)
+      if (.not. allocated(error)) call compare_damping(outcome%case, by_ratios, found, labels, error, &
+         progress)
+      call check_interrupt(error)
+      if (allocated(error)) return
+      !$omp critical (texts_of_beamid)
+      call report_comparison(found%models, labels, outcome%tables, outcome%summary, found)
+      call outcome%tables%check_finite(error)
+      !$omp end critical (texts_of_beamid)
+   end subroutine run_damping
 
    !> Runs the command of &ensemble on each of its members.
    subroutine run_ensemble(outcome, error, progress)
