@@ -219,6 +219,29 @@ class NestedPair(NamedTuple):
     """Probability of a larger U if the restricted model is true."""
 
 
+class DampingRatio(NamedTuple):
+    """A mode of a model in a comparison of damping mechanisms; nan: not measured."""
+
+    model: str
+    """Name of the model."""
+    record: int
+    """Number of the record whose structure has the mode."""
+    mode: int
+    """Number of the mode."""
+    frequency: float
+    """Natural frequency of the model [1/time]."""
+    damping_ratio: float
+    """Damping ratio of the model."""
+    measured_frequency: float
+    """Natural frequency that the record shows by itself [1/time]."""
+    measured_damping: float
+    """Damping ratio that the record shows by itself."""
+    lower95: float
+    """Lower end of its 95 % interval."""
+    upper95: float
+    """Upper end of its 95 % interval."""
+
+
 @dataclass
 class Comparison(Results):
     """Several models of the same records."""
@@ -228,6 +251,8 @@ class Comparison(Results):
     """The models, in the order of the arguments."""
     nested: list[NestedPair] = field(default_factory=list)
     """Tests of all pairs of which one model is a special case of the other."""
+    damping: list[DampingRatio] = field(default_factory=list)
+    """Modes of each model, if damping mechanisms are compared."""
 
     @property
     def best(self) -> ComparedModel:
@@ -526,6 +551,7 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
 
 
 def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
+            damping: bool | Literal["ratios"] = False,
             progress: Progress | None = None) -> Comparison:
     """Compare several models of the same records, as the command `compare` does.
 
@@ -534,6 +560,9 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
     *cases : str, os.PathLike, Problem or Fit
         The models; or one mapping with the models by their names in the tables. By default a case
         file is called by its name, and a problem 'model' with its number.
+    damping : bool or 'ratios', default False
+        Whether to compare damping mechanisms for one case: each of them is fitted to its records,
+        with the other free parameters of the case. 'ratios': to the damping ratios alone.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -561,7 +590,12 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
         if not name or set(name) & set(',"\n'):
             raise InputError(f"compare: found the name {name!r}, expected one without comma, "
                              "double quote and line feed")
-    found = Comparison(**_results("compare", [_opened(case) for case in items], progress,
+    command = "compare"
+    if damping:
+        command += " --damping" if damping is True else f" --damping={damping}"
+        if len(items) != 1:
+            raise InputError(f"compare: found {len(items)} cases beside damping, expected one")
+    found = Comparison(**_results(command, [_opened(case) for case in items], progress,
                                   "\n".join(labels)))
     found.models = [ComparedModel(row["model"], int(row["elements"]), int(row["parameters"]),
                                   float(row["J"]), float(row["aicc"]), float(row["bic"]))
@@ -569,6 +603,12 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
     found.nested = [NestedPair(row["restricted"], row["full"], int(row["restrictions"]),
                                float(row["U"]), float(row["probability"]))
                     for row in found._rows("nested.csv")]
+    if damping:
+        found.damping = [DampingRatio(row["model"], int(row["record"]), int(row["mode"]),
+                                      *(float(row[key] or "nan") for key in (
+                                          "frequency_hz", "damping_ratio", "measured_hz",
+                                          "measured_damping", "lower95", "upper95")))
+                         for row in found._rows("damping.csv")]
     return found
 
 

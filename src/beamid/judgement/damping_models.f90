@@ -1,7 +1,7 @@
 !> Fits of the same data with different damping mechanisms of the beam: starts from measured damping
 !> ratios, fits, and the damping ratios of all modes by each model.
 module beamid_damping_models
-   use beamid_candidates, only: candidate_t, fit_candidate, held, shared
+   use beamid_candidates, only: candidate_t, compute_criteria, criteria_t, fit_candidate, held, shared
    use beamid_damping_starts, only: find_starts, frequency_range, tables_of
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
@@ -72,12 +72,17 @@ contains
       integer :: done, k
 
       found%by_ratios = by_ratios
+      if (by_ratios .and. .not. any([(allocated(reference%experiments(k)%observed), &
+         k=1, size(reference%experiments))] .or. reference%experiments%excitation%modes > 0)) then
+         call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
+            'expected a free decay, a frequency response or a table of modes with damping ratios')
+         return
+      end if
       call fit_reference(reference, error, monitor)
       if (.not. allocated(error)) call measure_modes(reference%model, reference%mesh, &
          reference%experiments, reference%fit, found%measured, error)
       if (.not. allocated(error) .and. by_ratios .and. size(found%measured) == 0) &
-         call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
-         'expected a free decay, a frequency response or a table of modes with damping ratios')
+         call failure(error, 'no damping ratio can be measured: no mode stands out of the noise')
       if (allocated(error)) return
       tables = tables_of(reference%experiments, reference%mesh, reference%fit, found%measured)
       found%combinations = combinations_for(any([(.not. allocated(reference%experiments(k) &
@@ -96,6 +101,7 @@ contains
       !$omp end parallel do
       call check_interrupt(error)
       if (.not. allocated(error)) call collect(trials, found, error)
+      if (.not. allocated(error) .and. .not. by_ratios) call measure_again(found, error)
       if (allocated(error)) return
       allocate (found%modes(size(found%models)))
       do k = 1, size(found%models)
@@ -104,6 +110,22 @@ contains
          if (allocated(error)) return
       end do
    end subroutine fit_damping_models
+
+   !> Measures the modes once more from the fit of the best model, in which weak modes may stand out
+   !> that the damping of the first fit has hidden.
+   subroutine measure_again(found, error)
+      type(damping_models_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(measured_mode_t), allocatable :: measured(:)
+      type(criteria_t) :: criteria
+
+      criteria = compute_criteria(found%models)
+      associate (best => found%models(minloc(criteria%aicc, dim=1)))
+         call measure_modes(best%model, best%mesh, best%experiments, best%fit, measured, error)
+      end associate
+      if (allocated(error)) return
+      if (size(measured) >= size(found%measured)) call move_alloc(measured, found%measured)
+   end subroutine measure_again
 
    !> Fits the case itself. Without damping among its free parameters, c_D is free as well.
    subroutine fit_reference(reference, error, monitor)
