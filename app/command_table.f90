@@ -57,7 +57,11 @@ module beamid_command_table
          'records and the method.', 'bootstrap case.nml'), &
       command_t('compare', 'a.nml b.nml ...', &
          'compare models of one record by AICc, BIC and nested-model tests', &
-         'Writes models.csv and nested.csv.', 'compare rigid.nml spring.nml'), &
+         'Writes models.csv and nested.csv. With --damping, one case is enough: its records are '// &
+         'fitted with air, Kelvin-Voigt and structural damping, time and spatial hysteresis and '// &
+         'pairs of these, while the other free parameters of the case are fitted as well. Also '// &
+         'writes damping.csv: measured damping ratios beside those of each model. '// &
+         '--damping=ratios compares damping ratios alone.', 'compare rigid.nml spring.nml'), &
       command_t('design', 'case.nml', &
          'find the experiment that determines the free parameters best', &
          'Computes, for every combination of the lists in &design, the standard errors of the '// &
@@ -74,9 +78,11 @@ module beamid_command_table
          'compute results of NASA CR-178199 and published benchmarks', &
          'WHAT is '//reproducible//'. section-4 uses a reconstructed record: it checks '// &
          'consistency and confirms nothing independently. benchmarks compares natural '// &
-         'frequencies and buckling loads with published and exact values. all computes '// &
+         'frequencies and buckling loads with published and exact values. damping compares '// &
+         'damping mechanisms on simulated records, after Banks and Inman (1991). all computes '// &
          'table-4.1 (with the exact response instead of CVODE), section-4, acceleration, '// &
-         'convergence, varying and benchmarks, and writes each to out/<name> or DIR/<name>.', &
+         'convergence, varying, benchmarks and damping, and writes each to out/<name> or '// &
+         'DIR/<name>.', &
          'reproduce table-4.1'), &
       command_t('ensemble', 'case.nml', &
          'run a command on many simulated records or on a list of cases', &
@@ -101,6 +107,7 @@ module beamid_command_table
       option_t('--time', 'identify', 'measures the time of a fit, on standard error'), &
       option_t('--only i:j', 'ensemble', 'computes only the members i to j'), &
       option_t('--only-new', 'ensemble', 'computes only cases without result or with new files'), &
+      option_t('--damping', 'compare', 'compares damping mechanisms; --damping=ratios: ratios alone'), &
       option_t('--markdown', 'help', 'prints the reference of case files in Markdown')]
 
 contains

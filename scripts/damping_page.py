@@ -20,9 +20,9 @@ def verdict(outputs):
 def damping_ratios(outputs):
     """Returns the section with the damping ratios of measured modes and of the models."""
     measured, models = plot_damping.read_damping(outputs.folder)
-    possible = [name for name, difference, _ in models if difference <= plot_damping.POSSIBLE]
-    words = ("Models within 6 of the lowest AICc are in colour: " +
-             ", ".join(f"`{name}`" for name in possible) + ". The data reject the others.")
+    possible = [name for name, is_possible, _, _ in models if is_possible]
+    words = ("Models that the data do not reject are in colour: " +
+             ", ".join(f"`{name}`" for name in possible) + ".")
     text = h.paragraph(words) + h.figure(
         draw(measured, models), "Damping ratio of each mode over its natural frequency, both axes "
         "logarithmic: measured modes with their 95 % intervals, and the models.")
@@ -33,8 +33,8 @@ def draw(measured, models):
     """Draws the damping ratios, the rejected models in grey."""
     figure = f.new(400, "natural frequency (Hz)", "damping ratio (%)")
     is_first = True
-    for k, (name, difference, modes) in enumerate(models):
-        if difference > plot_damping.POSSIBLE:
+    for k, (name, is_possible, _, modes) in enumerate(models):
+        if not is_possible:
             f.add_line(figure, modes[:, 0], 100 * modes[:, 1], "rejected", f.colour("grey"),
                        showlegend=is_first)
             is_first = False

@@ -7,17 +7,14 @@ from pathlib import Path
 import plotting as p
 import numpy as np
 
-POSSIBLE = 6    # difference of AICc up to which a model counts as possible
-
-
 def read_damping(directory):
     """Returns the measured modes and the models of a comparison.
 
     The first is an array with the columns frequency, damping ratio, lower and upper limit. The
-    second lists name, difference of AICc from the best model, and an array with frequencies and
-    damping ratios of the first record's modes, the best model first.
+    second lists name, whether the data allow the model, difference of AICc from the best model, and
+    an array with frequencies and damping ratios of the first record's modes; best model first.
     """
-    rows = p.read_table(directory / "damping.csv", "model", "record", "mode", "frequency_hz",
+    rows = p.read_table(directory / "damping.csv", "model", "possible", "record", "mode",
                         "damping_ratio", "measured_hz", "measured_damping", "lower95", "upper95")
     criteria = {row["model"]: p.number(row, "aicc")
                 for row in p.read_table(directory / "models.csv", "model", "aicc")}
@@ -29,14 +26,14 @@ def read_damping(directory):
     for name in names:
         modes = [[p.number(row, key) for key in ("frequency_hz", "damping_ratio")]
                  for row in rows if row["model"] == name and row["record"] == "1"]
-        models.append((name, criteria[name] - criteria[names[0]], np.array(modes)))
+        possible = next(row["possible"] == "yes" for row in rows if row["model"] == name)
+        models.append((name, possible, criteria[name] - criteria[names[0]], np.array(modes)))
     return np.array(measured).reshape(-1, 4), models
 
 
 def view(measured, models):
     """Returns the range of damping ratios to show: that of measured modes and possible models."""
-    ratios = [ratio for _, difference, modes in models if difference <= POSSIBLE
-              for ratio in modes[:, 1]]
+    ratios = [ratio for _, possible, _, modes in models if possible for ratio in modes[:, 1]]
     ratios = np.array([*ratios, *measured[:, 1:].ravel()])
     ratios = ratios[ratios > 0]
     return ratios.min() / 1.5, ratios.max() * 1.5
@@ -46,15 +43,16 @@ def draw(directory):
     """Returns the figure."""
     measured, models = read_damping(directory)
     figure, axes = p.plt.subplots(figsize=(7.4, 4.4))
-    possible = [model for model in models if model[1] <= POSSIBLE]
-    for k, (name, difference, modes) in enumerate(models):
-        if difference <= POSSIBLE:
+    is_first = True
+    for k, (name, possible, difference, modes) in enumerate(models):
+        if possible:
             style = {"color": p.COLOURS[k % len(p.COLOURS)], "marker": p.MARKERS[k % 6],
                      "markersize": 4, "linestyle": ("-", "--", ":")[k % 3],
                      "label": name if k == 0 else f"{name} (+{difference:.1f})"}
         else:
             style = {"color": "0.75", "linewidth": 0.9, "zorder": 1,
-                     "label": "rejected" if k == len(possible) else None}
+                     "label": "rejected" if is_first else None}
+            is_first = False
         axes.plot(modes[:, 0], 100 * modes[:, 1], **style)
     if len(measured):
         error = 100 * np.array([measured[:, 1] - measured[:, 2], measured[:, 3] - measured[:, 1]])

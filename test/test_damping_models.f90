@@ -97,7 +97,7 @@ contains
       real(wp), intent(in) :: ratio(modes)
       real(wp), intent(in), optional :: factor(modes)
       type(outcome_t) :: outcome
-      character(len=:), allocatable :: models, head
+      character(len=:), allocatable :: head, limit, models
       real(wp) :: J, least, own
       integer :: k, row
 
@@ -126,8 +126,13 @@ contains
       ! 10 values less 2 to 4 parameters: chi-square exceeds 38 with a probability of 1e-5.
       call check('truth '//truth//': its residuals are noise', own < 46, to_text(own))
       head = unwrapped(outcome%out)
-      call check('truth '//truth//': preferred, or contained', index(line(head, 1), truth) > 0, &
-         line(head, 1))
+      ! Models that have the truth as a limit: a slow relaxation damps like air on a beam without
+      ! further masses.
+      limit = truth
+      if (truth == 'air') limit = 'time hysteresis'
+      if (truth == 'Kelvin-Voigt') limit = 'hysteresis'
+      call check('truth '//truth//': preferred, or contained', index(line(head, 1), truth) > 0 .or. &
+         index(line(head, 1), limit) > 0, line(head, 1))
       call check('truth '//truth//': others are rejected', index(head, 'The data reject: '//rejected) &
          > 0, head(:min(len(head), 400)))
    end subroutine check_truth
@@ -230,8 +235,8 @@ contains
       damping = read_file('measured/damping.csv')
       do k = 1, count
          known = number(field(truth, k, 4))
-         measured = number(field(damping, k, 7))
-         sd = (number(field(damping, k, 9)) - number(field(damping, k, 8)))/(2*1.96_wp)
+         measured = number(field(damping, k, 8))
+         sd = (number(field(damping, k, 10)) - number(field(damping, k, 9)))/(2*1.96_wp)
          call check_close(label//': damping ratio of mode '//to_text(k), measured, known, &
             4.5_wp*sd)
          call check(label//': mode '//to_text(k)//' is measured to 20 %', sd < 0.2_wp*known, &

@@ -12,7 +12,7 @@ is. Errors carry the messages of the program. Lengths, masses and times are in a
 Residuals are always record - model.
 """
 from ._cases import FrequencyRecord, ModalRecord, Record
-from ._commands import (ComparedModel, Comparison, Design, Ensemble, FrequencyResponse,
+from ._commands import (ComparedModel, Comparison, DampingRatio, Design, Ensemble, FrequencyResponse,
                         MemberStatistics, Modes, NestedPair, Results, Simulation, compare, design,
                         ensemble, frf, modes, simulate)
 from ._fits import Estimate, Fit, FittedMode, FittedResponse, Mode, Problem, fit, load
@@ -22,11 +22,11 @@ from ._library import BeamidError, ComputationError, InputError, NoFit
 from ._responses import Response, response
 from ._tracking import TrackedWindow, Tracker
 
-__all__ = ["BeamidError", "Bootstrap", "ComparedModel", "Comparison", "ComputationError", "Design",
-           "Ensemble", "Estimate", "Fit", "FittedMode", "FittedResponse", "FrequencyRecord",
-           "FrequencyResponse", "Inference", "InputError", "Interval", "MemberStatistics",
-           "ModalRecord", "Mode", "Modes", "NestedPair", "NoFit", "Posterior", "Problem",
-           "Profile", "Profiles", "Record", "Response", "Results", "Simulation", "TrackedWindow",
-           "Tracker", "bootstrap", "compare", "design", "ensemble", "fit", "frf", "load", "modes",
-           "profile", "response", "sample", "simulate"]
+__all__ = ["BeamidError", "Bootstrap", "ComparedModel", "Comparison", "ComputationError",
+           "DampingRatio", "Design", "Ensemble", "Estimate", "Fit", "FittedMode", "FittedResponse",
+           "FrequencyRecord", "FrequencyResponse", "Inference", "InputError", "Interval",
+           "MemberStatistics", "ModalRecord", "Mode", "Modes", "NestedPair", "NoFit", "Posterior",
+           "Problem", "Profile", "Profiles", "Record", "Response", "Results", "Simulation",
+           "TrackedWindow", "Tracker", "bootstrap", "compare", "design", "ensemble", "fit", "frf",
+           "load", "modes", "profile", "response", "sample", "simulate"]
 __version__ = "0.2.0"

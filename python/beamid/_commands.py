@@ -9,7 +9,7 @@ from ctypes import byref, c_longlong
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Union
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -2,6 +2,7 @@
 import builtins
 import copy
 import inspect
+import math
 import multiprocessing
 import os
 import pickle
@@ -224,6 +225,26 @@ def test_compare_is_that_of_the_program(program, tmp_path, rivals, record):
     mixed = beamid.compare(rivals[0], small)
     assert [model.model for model in mixed.models] == ["full", "model 2"]
     assert beamid.compare(full.fit(), small).models[0].J == found.models[0].J
+
+
+def test_damping_is_that_of_the_program(program, tmp_path):
+    """Two damping ratios of a strip, from a table of modes."""
+    (tmp_path / "modes.csv").write_text("mode,frequency_hz,sd_hz,damping_ratio,sd_damping\n"
+                                        "1,10.1,0.01,0.004,0.0001\n2,63.5,0.05,0.006,0.0002\n")
+    case = tmp_path / "strip.nml"
+    case.write_text("&beam length=0.5, width=0.03, height=0.003, density=2700, E=7e10, c_D=1e6 /\n"
+                    "&record kind='modes', file='modes.csv' /\n&stage free='E','c_D' /\n")
+    for damping, option in ((True, "--damping"), ("ratios", "--damping=ratios")):
+        files = program("compare", option, case, out=tmp_path / option)
+        found = beamid.compare(case, damping=damping)
+        same_tables(found, files)
+        table = columns(files["damping.csv"])
+        assert [row.damping_ratio for row in found.damping] == list(map(float,
+                                                                        table["damping_ratio"]))
+        measured = [row.measured_damping for row in found.damping if row.model == "air"]
+        assert measured[:2] == [0.004, 0.006] and math.isnan(measured[2])
+    with pytest.raises(beamid.InputError, match="found 2 cases beside damping, expected one"):
+        beamid.compare(case, case, damping=True)
 
 
 def test_criteria_by_their_formulas(rivals):

@@ -19,8 +19,9 @@ module beamid_damping_reports
 
    public :: add_damping
 
-   !> Difference of AICc from the best model up to which a model counts as possible.
-   real(wp), parameter :: possible = 6
+   !> Difference of AICc from the best model up to which a model counts as possible, if the residuals
+   !> are white.
+   real(wp), parameter :: within = 6
 
    !> Width of the column with the names of the models, and of the other columns.
    integer, parameter :: of_names = 26, of_numbers = 10
@@ -39,23 +40,28 @@ contains
       type(output_t), intent(inout) :: output
       type(text_t), intent(inout) :: text
       logical :: is_possible(size(labels))
+      real(wp) :: excess
       integer :: best, k
 
       best = minloc(criteria%aicc, dim=1)
-      is_possible = criteria%aicc - criteria%aicc(best) <= possible
-      call output%add('damping.csv', damping_table(found, labels))
+      excess = excess_of(found, best)
+      is_possible = criteria%aicc - criteria%aicc(best) <= within*excess
+      call output%add('damping.csv', damping_table(found, labels, is_possible))
       call text%line('Preferred damping mechanism: '//labels(best)%text)
       if (count(is_possible) > 1) then
          is_possible(best) = .false.
          call text%line('The data do not distinguish it from: '//list_of(labels, is_possible)// &
-            ' (AICc within 6)')
+            ' (AICc within '//rounded(within*excess, 2)//')')
          is_possible(best) = .true.
       end if
       if (.not. all(is_possible)) call text%line('The data reject: '//list_of(labels, &
-         .not. is_possible)//' (AICc more than 6 above the best)')
+         .not. is_possible)//' (AICc more than '//rounded(within*excess, 2)//' above the best)')
+      if (excess > 1) call text%line('The residuals are not white: m samples are worth m/'// &
+         rounded(excess, 2)//' independent ones, so that the usual limit of 6 is multiplied by '// &
+         'this factor.')
       if (count(is_possible) > 1) then
          call add_reason(found, is_possible, text)
-         call add_decision(found, criteria, labels, best, text)
+         call add_decision(found, labels, is_possible, best, text)
       end if
       do k = 1, size(labels)
          if (is_possible(k)) call add_limits(found, k, text)
@@ -67,6 +73,19 @@ contains
       call text%line()
       call add_ratios(found, labels, text)
    end subroutine add_damping
+
+   !> Returns the factor by which differences of AICc are too large because the residuals of the best
+   !> model are not white; at least 1.
+   pure real(wp) function excess_of(found, best) result(excess)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: best
+
+      excess = 1
+      associate (fit => found%models(best)%fit)
+         if (.not. fit%check%white .and. fit%statistics%effective > 0) excess = max(1.0_wp, &
+            fit%statistics%samples/fit%statistics%effective)
+      end associate
+   end function excess_of
 
    !> Returns names, separated by commas.
    pure function list_of(labels, chosen) result(list)
@@ -144,45 +163,51 @@ contains
       end associate
    end function mode_of
 
-   !> Adds the damping ratio whose measurement would decide between the best model and the one that
-   !> follows: that of the mode in which both differ most.
-   subroutine add_decision(found, criteria, labels, best, text)
+   !> Adds a damping ratio whose measurement would decide between the best model and another
+   !> possible one: that of the lowest mode in which a model differs from the best one by a fifth, or
+   !> else of the mode in which one differs most.
+   subroutine add_decision(found, labels, is_possible, best, text)
       type(damping_models_t), intent(in) :: found
-      type(criteria_t), intent(in) :: criteria
       type(string_t), intent(in) :: labels(:)
+      logical, intent(in) :: is_possible(:)
       integer, intent(in) :: best
       type(text_t), intent(inout) :: text
       !> Difference of two damping ratios, in standard errors, that decides; and relative difference
-      !> below which no measurement does.
-      real(wp), parameter :: decisive = 4, least = 0.05_wp
+      !> below which no measurement does, and from which one is easy.
+      real(wp), parameter :: decisive = 4, least = 0.05_wp, easy = 0.2_wp
       type(fitted_mode_t) :: one, other
       real(wp) :: difference, largest, ratios(2)
-      integer :: chosen, k, second
+      integer :: chosen, j, k, second
 
-      second = minloc(criteria%aicc, dim=1, mask=[(k /= best, k=1, size(labels))])
       largest = 0
       chosen = 0
+      second = 0
       do k = 1, size(found%modes(best)%modes)
          one = mode_of(found, best, 1, k)
-         other = mode_of(found, second, 1, k)
-         if (.not. min(one%frequency, other%frequency) > 0) exit
-         difference = abs(one%damping_ratio - other%damping_ratio) &
-            /max(one%damping_ratio, other%damping_ratio, tiny(1.0_wp))
-         if (difference <= largest) cycle
-         largest = difference
-         chosen = k
+         if (.not. one%frequency > 0 .or. largest > easy) exit
+         do j = 1, size(labels)
+            if (j == best .or. .not. is_possible(j)) cycle
+            other = mode_of(found, j, 1, k)
+            if (.not. other%frequency > 0) cycle
+            difference = abs(one%damping_ratio - other%damping_ratio) &
+               /max(one%damping_ratio, other%damping_ratio, tiny(1.0_wp))
+            if (difference <= largest) cycle
+            largest = difference
+            chosen = k
+            second = j
+         end do
       end do
       if (largest < least) then
          call text%line('No damping ratio of the modes up to '//to_text(size(found%modes(best) &
-            %modes))//' differs by more than 5 % between '//labels(best)%text//' and '// &
-            labels(second)%text//': they describe the same damping.')
+            %modes))//' differs by more than 5 % between these models: they describe the same '// &
+            'damping.')
          return
       end if
       one = mode_of(found, best, 1, chosen)
       other = mode_of(found, second, 1, chosen)
       ratios = 100*[one%damping_ratio, other%damping_ratio]
       call text%line('A measurement that would decide: the damping ratio of mode '// &
-         to_text(chosen)//' at '//rounded(one%frequency, 4)//' with a standard error below '// &
+         to_text(chosen)//' at '//rounded(one%frequency, 4)//', with a standard error below '// &
          rounded(abs(ratios(1) - ratios(2))/decisive, 2)//' %. It is '//rounded(ratios(1), 3)// &
          ' % with '//labels(best)%text//', '//rounded(ratios(2), 3)//' % with '// &
          labels(second)%text//'.')
@@ -338,16 +363,17 @@ contains
    end function numbers
 
    !> Returns damping.csv: a row for each mode of each model, with the measured values beside it.
-   pure function damping_table(found, labels) result(content)
+   pure function damping_table(found, labels, is_possible) result(content)
       type(damping_models_t), intent(in) :: found
       type(string_t), intent(in) :: labels(:)
+      logical, intent(in) :: is_possible(:)
       character(len=:), allocatable :: content
       type(text_t) :: table
       real(wp) :: t
       integer :: i, j, k, number, record
 
       t = normal_quantile(0.975_wp)
-      call table%line('model,record,mode,frequency_hz,damping_ratio,measured_hz,'// &
+      call table%line('model,possible,record,mode,frequency_hz,damping_ratio,measured_hz,'// &
          'measured_damping,lower95,upper95')
       do k = 1, size(labels)
          number = 0
@@ -357,7 +383,8 @@ contains
                if (mode%record /= record) number = 0
                record = mode%record
                number = number + 1
-               call table%add(labels(k)%text//','//to_text(record)//','//to_text(number)//','// &
+               call table%add(labels(k)%text//','//trim(merge('yes', 'no ', is_possible(k)))// &
+                  ','//to_text(record)//','//to_text(number)//','// &
                   full(mode%frequency)//','//full(mode%damping_ratio))
                j = findloc(found%measured%record == record .and. found%measured%mode == number, &
                   .true., dim=1)
