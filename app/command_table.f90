@@ -13,7 +13,7 @@ module beamid_command_table
       character(len=9) :: name          !< name of the command
       character(len=22) :: arguments    !< words behind the command
       character(len=66) :: help         !< purpose, in one line
-      character(len=540) :: detail      !< arguments and files that it writes
+      character(len=640) :: detail      !< arguments and files that it writes
       character(len=40) :: example      !< words of an example, behind `beamid`
    end type command_t
 
@@ -57,10 +57,10 @@ module beamid_command_table
          'records and the method.', 'bootstrap case.nml'), &
       command_t('compare', 'a.nml b.nml ...', &
          'compare models of one record by AICc, BIC and nested-model tests', &
-         'Writes models.csv and nested.csv. With --damping, one case is enough: its records are '// &
-         'fitted with air, Kelvin-Voigt and structural damping, time and spatial hysteresis and '// &
-         'pairs of these, while the other free parameters of the case are fitted as well. Also '// &
-         'writes damping.csv: measured damping ratios beside those of each model. '// &
+         'Writes models.csv and nested.csv. With --damping, one case is enough: its records '// &
+         'are fitted with air, Kelvin-Voigt and structural damping, time and spatial '// &
+         'hysteresis and pairs of these, together with the other free parameters of the case. '// &
+         'Also writes damping.csv: measured damping ratios beside those of each model. '// &
          '--damping=ratios compares damping ratios alone.', 'compare rigid.nml spring.nml'), &
       command_t('design', 'case.nml', &
          'find the experiment that determines the free parameters best', &
@@ -107,7 +107,7 @@ module beamid_command_table
       option_t('--time', 'identify', 'measures the time of a fit, on standard error'), &
       option_t('--only i:j', 'ensemble', 'computes only the members i to j'), &
       option_t('--only-new', 'ensemble', 'computes only cases without result or with new files'), &
-      option_t('--damping', 'compare', 'compares damping mechanisms; --damping=ratios: ratios alone'), &
+      option_t('--damping', 'compare', 'compares damping mechanisms for one case'), &
       option_t('--markdown', 'help', 'prints the reference of case files in Markdown')]
 
 contains

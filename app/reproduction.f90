@@ -1,5 +1,6 @@
 !> The command `reproduce`: repeats the paper's computations and shows the results beside the
-!> published numbers. Also computes published benchmarks, and compares damping mechanisms. The studies themselves are in app/paper.
+!> published numbers. Also computes published benchmarks, and compares damping mechanisms. The
+!> studies themselves are in app/paper.
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: reproduce_acceleration

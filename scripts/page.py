@@ -223,7 +223,8 @@ def _readable(text):
     text = re.sub(r"\bE\(x\)", "<i>E</i>(<i>x</i>)", text)
     text = re.sub(r"(?<![\w/.])(?:[EJU](?![\w(=/-])|N(?= =))", r"<i>\g<0></i>", text)
     text = re.sub(r"(</sub>)\(x\)", r"\1(<i>x</i>)", text)
-    text = re.sub(r"(?<=[A-Za-zµ>])\^(-?\d)\b", lambda match: match[1].translate(SUPERSCRIPTS), text)
+    text = re.sub(r"(?<=[A-Za-zµ>])\^(-?\d)\b",
+                  lambda match: match[1].translate(SUPERSCRIPTS), text)
     text = re.sub(r"(?<![\w.])-(?=\.?\d)", "\u2212", text)
     return re.sub(r"(\d)E([+-]?\d+)\b", lambda match: match[1] + power_of_ten(int(match[2])), text)
 

@@ -6,8 +6,9 @@ program test_damping_models
    use beamid_noise, only: gaussian_noise
    use beamid_strings, only: full, to_text
    use case_answers, only: check_refused, identified, answer_t, nl
-   use checks, only: check, check_close, finish, skip
-   use shell, only: beamid, close_shell, has_all, line_count, open_shell, outcome_t, read_file, &
+   use checks, only: check, check_close, finish, in_long_run, skip
+   use shell, only: beamid, close_shell, has_all, in_root, line_count, open_shell, outcome_t, &
+      read_file, &
       replaced, write_file
    use tables, only: field, line, number
    implicit none
@@ -15,7 +16,8 @@ program test_damping_models
    !> A cantilever without damping, E I = 1.3, rho = .7, l = 1.1.
    real(wp), parameter :: rho = 0.7_wp, bending = 1.3_wp, length = 1.1_wp
    character(len=*), parameter :: beam = '&beam length=1.1, rho=0.7, E=1.25, I=1, c_D=1e-4 /'//nl
-   character(len=*), parameter :: table = beam//'&record kind=''modes'', file=''modes.csv'' /'//nl// &
+   character(len=*), parameter :: table = beam//'&record kind=''modes'', file=''modes.csv'' /'// &
+      nl// &
       '&discretization degree=5, elements=8 /'//nl//'&stage free=''E'',''c_D'' /'//nl
    !> k l of the modes 1 to 5: cos(k l) cosh(k l) = -1.
    integer, parameter :: modes = 5
@@ -40,6 +42,7 @@ program test_damping_models
       call test_decay()
       call test_limits()
       call test_refusals()
+      call test_study()
       call close_shell()
    end if
    call finish('damping_models')
@@ -61,7 +64,8 @@ contains
       f = omega*factor/(2*acos(-1.0_wp))
       text = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
       do k = 1, modes
-         text = text//to_text(k)//','//full(f(k)*(1 + 1e-3_wp*noise(k)))//','//full(1e-3_wp*f(k))// &
+         text = text//to_text(k)//','//full(f(k)*(1 + 1e-3_wp*noise(k)))//','// &
+            full(1e-3_wp*f(k))// &
             ','//full(ratio(k)*(1 + 1e-2_wp*noise(modes + k)))//','//full(1e-2_wp*ratio(k))//nl
       end do
       call write_file('modes.csv', text)
@@ -131,9 +135,10 @@ contains
       limit = truth
       if (truth == 'air') limit = 'time hysteresis'
       if (truth == 'Kelvin-Voigt') limit = 'hysteresis'
-      call check('truth '//truth//': preferred, or contained', index(line(head, 1), truth) > 0 .or. &
-         index(line(head, 1), limit) > 0, line(head, 1))
-      call check('truth '//truth//': others are rejected', index(head, 'The data reject: '//rejected) &
+      call check('truth '//truth//': preferred, or contained', index(line(head, 1), truth) > 0 &
+         .or. index(line(head, 1), limit) > 0, line(head, 1))
+      call check('truth '//truth//': others are rejected', index(head, &
+         'The data reject: '//rejected) &
          > 0, head(:min(len(head), 400)))
    end subroutine check_truth
 
@@ -146,8 +151,8 @@ contains
       if (index(text, nl//'    ') > 0) unwrapped = replaced(text, nl//'    ', ' ')
    end function unwrapped
 
-   !> Frequencies that are off as those of another clamp do not change a comparison of damping ratios
-   !> alone; with them, no model leaves residuals as small as the errors.
+   !> Frequencies that are off as those of another clamp do not change a comparison of damping
+   !> ratios alone; with them, no model leaves residuals as small as the errors.
    subroutine test_ratios()
       real(wp), parameter :: off(modes) = [0.95_wp, 0.96_wp, 0.97_wp, 0.98_wp, 0.99_wp]
       type(outcome_t) :: outcome
@@ -206,20 +211,22 @@ contains
       type(outcome_t) :: outcome
 
       call write_file('truth.nml', replaced(strip, '{damping}', composite)// &
-         '&excitation kind=''release'', force=0.5, x_F=0.3 /'//nl//'&noise sd=0.01, seed=2 /'//nl// &
+         '&excitation kind=''release'', force=0.5, x_F=0.3 /'//nl//'&noise sd=0.01, seed=2 /'// &
+         nl// &
          '&record t_first=0.1, t_last=3, t_step=0.001 /'//nl)
       outcome = beamid('simulate truth.nml --quiet --out made')
       call check('decay: made', outcome%status == 0, outcome%err)
       call write_file('record.csv', read_file('made/record.csv'))
       call write_file('fit.nml', replaced(strip, '{damping}', 'gamma=0.1')// &
-         '&excitation kind=''free'', modes=3 /'//nl//'&record file=''record.csv'', sd=0.01 /'//nl// &
+         '&excitation kind=''free'', modes=3 /'//nl//'&record file=''record.csv'', sd=0.01 /'// &
+         nl// &
          '&stage free=''E'',''gamma'' start=3e10,0.1 /'//nl)
       call check_measured('decay', 3)
    end subroutine test_decay
 
-   !> Compares the mechanisms for fit.nml, and the measured modes with those of truth.nml. Of `count`
-   !> modes, each is within 4.5 standard errors with a probability of all but 3e-5. An error of the
-   !> method of half a standard error would remain unseen.
+   !> Compares the mechanisms for fit.nml, and the measured modes with those of truth.nml. Of
+   !> `count` modes, each is within 4.5 standard errors with a probability of all but 3e-5. An error
+   !> of the method of half a standard error would remain unseen.
    subroutine check_measured(label, count)
       character(len=*), intent(in) :: label
       integer, intent(in) :: count
@@ -256,8 +263,8 @@ contains
       call write_modes(2e-3_wp*omega/omega(modes), spread(1.0_wp, 1, modes), seed=6)
       answer = identified(with('d_1=0.01, b_1=2000', '''d_1'',''b_1'''))
       call check('limit of time hysteresis: done', answer%status == 0, answer%err)
-      call check('limit of time hysteresis: not determined', .not. answer%is_determined('b_1') .and. &
-         .not. answer%is_determined('d_1'), answer%out)
+      call check('limit of time hysteresis: not determined', .not. answer%is_determined('b_1') &
+         .and. .not. answer%is_determined('d_1'), answer%out)
       call check('limit of time hysteresis: reason', has_all(unwrapped(answer%out), &
          'b_1 is not determined|Kelvin-Voigt damping with c_D = E d_1/b_1'), answer%out)
       answer = identified(with('a_h=0.2, b_h=0.02', '''a_h'',''b_h'''))
@@ -280,7 +287,9 @@ contains
 
    subroutine test_refusals()
       character(len=*), parameter :: pulse = beam//'&excitation kind=''pulse'', amplitude=1, '// &
-         'duration=0.1 /'//nl//'&record file=''record.csv'' /'//nl//'&stage free=''E'',''c_D'' /'//nl
+         'duration=0.1 /'//nl//'&record file=''record.csv'' /'//nl//'&stage free=''E'',''c_D'' '// &
+         '/'// &
+         nl
 
       call check_refused('another command', 2, 'modes --damping', table, 'behind compare')
       call check_refused('two cases', 2, 'compare --damping table.nml', table, 'expected one')
@@ -290,5 +299,30 @@ contains
       call check_refused('ratios of a forced motion', 2, 'compare --damping=ratios', pulse, &
          'expected a free decay')
    end subroutine test_refusals
+   !> `reproduce damping`: for each truth, the best model has its mechanisms, or has them as a
+   !> limit.
+   subroutine test_study()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: best, table, truth
+      integer :: k
+
+      if (.not. in_long_run()) then
+         call skip('reproduce damping', 'it takes a minute')
+         return
+      end if
+      outcome = in_root('reproduce damping --quiet --out @/study')
+      call check('study: done', outcome%status == 0, outcome%err)
+      table = read_file('study/damping_study.csv')
+      call check('study: 7 truths and 7 models', line_count(table) == 50, &
+         to_text(line_count(table)))
+      do k = 1, line_count(table) - 1
+         ! The difference from the best model is 0 for that model.
+         if (number(field(table, k, 6)) > 0) cycle
+         truth = field(table, k, 1)
+         best = field(table, k, 2)
+         call check('study: '//truth, index(best, truth) > 0 .or. (truth == 'Kelvin-Voigt' .and. &
+            index(best, 'hysteresis') > 0), best)
+      end do
+   end subroutine test_study
 
 end program test_damping_models

@@ -74,15 +74,16 @@ contains
          if (allocated(error)) return
          criteria = compute_criteria(found%models)
          best = minloc(criteria%aicc, dim=1)
-         if (k == 1) call summary%line(left('truth', 26)//titles(found))
-         call summary%line(left(truths(k)%name, 26)//differences(criteria)// &
-            '   '//found%combinations(best)%name())
+         if (k == 1) call summary%line(left('truth', 24)//titles(found))
+         call summary%line(left(truths(k)%name, 24)//differences(criteria)// &
+            '  '//short_name(found, best))
          call add_rows(table, trim(truths(k)%name), found, criteria)
       end do
-      call add_lines(summary, [character(len=110) :: '', &
-         'Within 6 of the best, the record does not tell models apart. A mechanism counts as found '// &
-         'if the best', &
-         'model has it, or has it as a limit: time and spatial hysteresis have Kelvin-Voigt '// &
+      call add_lines(summary, [character(len=98) :: '', &
+         'Within 6 of the best, the record does not tell models apart. A mechanism counts as '// &
+         'found', &
+         'if the best model has it, or has it as a limit: time and spatial hysteresis have '// &
+         'Kelvin-Voigt', &
          'damping as a limit.'])
       call output%add('damping_study.csv', table%content())
    end subroutine reproduce_damping
@@ -91,11 +92,10 @@ contains
    subroutine add_head(text)
       type(text_t), intent(inout) :: text
 
-      call add_lines(text, [character(len=110) :: &
-         'Damping mechanisms after Banks and Inman (1991), on simulated records of a composite '// &
-         'cantilever with tip mass', &
-         'struck at .4 m; acceleration of the tip, #.2 s at # samples per second, noise of #% of '// &
-         'its rms.', &
+      call add_lines(text, [character(len=98) :: &
+         'Damping mechanisms after Banks and Inman (1991), on simulated records of a composite', &
+         'cantilever with a tip mass that is struck at .4 m: acceleration of the tip, #.1 s at #', &
+         'samples per second, noise of #% of its rms.', &
          'AICc of each model above that of the best one; last column: the best model', ''], &
          [1.5_wp, 1000.0_wp, noise_share])
    end subroutine add_head
@@ -123,7 +123,8 @@ contains
       truth%structure = undamped
       truth%structure%x_F = place
       shape = [(sin(pi*i/nodes)**2, i=0, nodes)]
-      call new_force_table([(duration*i/nodes, i=0, nodes)], strength*shape, truth%excitation, error)
+      call new_force_table([(duration*i/nodes, i=0, nodes)], strength*shape, truth%excitation, &
+         error)
       if (allocated(error)) return
       do i = 1, size(truths(k)%parameter)
          if (truths(k)%parameter(i) > 0) call set_free(truth%structure, truth%excitation, &
@@ -131,7 +132,8 @@ contains
       end do
       allocate (modal_t :: truth%solver)
       t = [(i*step, i=1, samples)]
-      call simulate(truth, mesh_t(degree=5, elements=of_truth, gauss_points=6), t, simulation, error)
+      call simulate(truth, mesh_t(degree=5, elements=of_truth, gauss_points=6), t, simulation, &
+         error)
       if (allocated(error)) return
       reference%model = truth
       reference%model%structure = undamped
@@ -150,25 +152,33 @@ contains
    !> Returns short names of the models as titles of columns.
    function titles(found) result(line)
       type(damping_models_t), intent(in) :: found
-      character(len=:), allocatable :: line, title
+      character(len=:), allocatable :: line
       integer :: k
 
       line = ''
       do k = 1, size(found%models)
-         associate (parts => found%combinations(k)%parts)
-            title = initials(parts(1))
-            if (size(parts) > 1) title = title//'+'//initials(parts(2))
-         end associate
-         line = line//right(title, 10)
+         line = line//right(short_name(found, k), 9)
       end do
    end function titles
+
+   !> Returns a short name of model k.
+   function short_name(found, k) result(name)
+      type(damping_models_t), intent(in) :: found
+      integer, intent(in) :: k
+      character(len=:), allocatable :: name
+
+      associate (parts => found%combinations(k)%parts)
+         name = initials(parts(1))
+         if (size(parts) > 1) name = name//'+'//initials(parts(2))
+      end associate
+   end function short_name
 
    !> Returns a short name of a mechanism.
    pure function initials(mechanism) result(text)
       integer, intent(in) :: mechanism
       character(len=:), allocatable :: text
       character(len=5), parameter :: short(5) = [character(len=5) :: 'air', 'KV', 'eta', 'time', &
-         'space']
+         'spat']
 
       text = trim(short(mechanism))
    end function initials
@@ -181,7 +191,7 @@ contains
 
       line = ''
       do k = 1, size(criteria%aicc)
-         line = line//right(rounded(criteria%aicc(k) - minval(criteria%aicc), 3), 10)
+         line = line//right(rounded(criteria%aicc(k) - minval(criteria%aicc), 3), 9)
       end do
    end function differences
 

@@ -12,9 +12,9 @@ is. Errors carry the messages of the program. Lengths, masses and times are in a
 Residuals are always record - model.
 """
 from ._cases import FrequencyRecord, ModalRecord, Record
-from ._commands import (ComparedModel, Comparison, DampingRatio, Design, Ensemble, FrequencyResponse,
-                        MemberStatistics, Modes, NestedPair, Results, Simulation, compare, design,
-                        ensemble, frf, modes, simulate)
+from ._commands import (ComparedModel, Comparison, DampingRatio, Design, Ensemble,
+                        FrequencyResponse, MemberStatistics, Modes, NestedPair, Results, Simulation,
+                        compare, design, ensemble, frf, modes, simulate)
 from ._fits import Estimate, Fit, FittedMode, FittedResponse, Mode, Problem, fit, load
 from ._inference import (Bootstrap, Inference, Interval, Posterior, Profile, Profiles, bootstrap,
                          profile, sample)

@@ -185,8 +185,8 @@ contains
       type(string_t), allocatable :: labels(:)
 
       call check_needs(outcome%case, needs_fit, error)
-      if (.not. allocated(error)) call compare_damping(outcome%case, by_ratios, found, labels, error, &
-         progress)
+      if (.not. allocated(error)) call compare_damping(outcome%case, by_ratios, found, labels, &
+         error, progress)
       call check_interrupt(error)
       if (allocated(error)) return
       !$omp critical (texts_of_beamid)

@@ -64,8 +64,8 @@ contains
    end function is_true
 
    !> Tests restrictions on a model (Banks and Fitzpatrick): U = m (J_restricted - J_full)/J_full is
-   !> compared with chi-square with as many degrees of freedom as there are restrictions. If the noise
-   !> is known, U = J_restricted - J_full.
+   !> compared with chi-square with as many degrees of freedom as there are restrictions. If the
+   !> noise is known, U = J_restricted - J_full.
    !>
    !> J_restricted, J_full  sums of squares with and without the restrictions, as in `aicc`
    !> samples               m
@@ -73,7 +73,8 @@ contains
    !> U                     test statistic
    !> probability           of a U at least as large if the restrictions hold
    !> is_known              as in `aicc`
-   pure subroutine nested_test(J_restricted, J_full, samples, restrictions, U, probability, is_known)
+   pure subroutine nested_test(J_restricted, J_full, samples, restrictions, U, probability, &
+      is_known)
       real(wp), intent(in) :: J_restricted, J_full
       integer, intent(in) :: samples, restrictions
       real(wp), intent(out) :: U, probability

@@ -98,8 +98,8 @@ contains
    !> Fits one model with all its stages.
    !>
    !> candidate  on return with `fit` and `owner`
-   !> error      a stage that fails, or J = 0, for which the criteria are not defined unless the noise
-   !>            is known
+   !> error      a stage that fails, or J = 0, for which the criteria are not defined unless the
+   !>            noise is known
    subroutine fit_candidate(candidate, error, monitor)
       type(candidate_t), intent(inout) :: candidate
       type(error_t), allocatable, intent(out) :: error

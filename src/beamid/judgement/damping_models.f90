@@ -1,7 +1,8 @@
 !> Fits of the same data with different damping mechanisms of the beam: starts from measured damping
 !> ratios, fits, and the damping ratios of all modes by each model.
 module beamid_damping_models
-   use beamid_candidates, only: candidate_t, compute_criteria, criteria_t, fit_candidate, held, shared
+   use beamid_candidates, only: candidate_t, compute_criteria, criteria_t, fit_candidate, held, &
+      shared
    use beamid_damping_starts, only: find_starts, frequency_range, tables_of
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
@@ -28,8 +29,8 @@ module beamid_damping_models
 
    !> The fits of all combinations of mechanisms.
    type :: damping_models_t
-      !> whether damping ratios alone are compared, whose models keep the frequencies of a fit to all
-      !> data
+      !> whether damping ratios alone are compared, whose models keep the frequencies of a fit to
+      !> all data
       logical :: by_ratios = .false.
       type(combination_t), allocatable :: combinations(:)   !< (models)
       type(candidate_t), allocatable :: models(:)
@@ -91,8 +92,8 @@ contains
       done = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, size(trials)
-         call fit_combination(reference, found%combinations(k), tables, by_ratios, trials(k)%model, &
-            trials(k)%error)
+         call fit_combination(reference, found%combinations(k), tables, by_ratios, &
+            trials(k)%model, trials(k)%error)
          !$omp critical (one_combination_done)
          done = done + 1
          if (present(monitor)) call monitor%done(done, size(trials))
@@ -135,7 +136,8 @@ contains
       integer :: k
 
       if (.not. is_exact(reference%model%solver)) then
-         call bad_input(error, 'found method=''cvode'' in &integrator, expected method=''modal'', '// &
+         call bad_input(error, 'found method=''cvode'' in &integrator, expected '// &
+            'method=''modal'', '// &
             'because damping ratios are compared')
          return
       end if
@@ -165,7 +167,8 @@ contains
 
       succeeds = [(.not. allocated(trials(k)%error), k=1, size(trials))]
       if (.not. any(succeeds)) then
-         call failure(error, 'no damping mechanism can be fitted; '//found%combinations(1)%name()// &
+         call failure(error, 'no damping mechanism can be fitted; '// &
+            found%combinations(1)%name()// &
             ': '//trials(1)%error%message)
          return
       end if
@@ -364,8 +367,8 @@ contains
 
       stage = whole%stages(1)
       if (any(stage%owners() > 0 .and. .not. is_of_damping(stage%free))) then
-         call bad_input(error, 'found parameters of single records, expected common ones, because '// &
-            'damping ratios alone are compared')
+         call bad_input(error, 'found parameters of single records, expected common ones, '// &
+            'because damping ratios alone are compared')
          return
       end if
       ready = whole

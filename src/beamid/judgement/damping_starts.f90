@@ -142,8 +142,8 @@ contains
       end do
       is_least = [(misfit(k) < huge(misfit) .and. misfit(k) <= misfit(k - 1) .and. &
          misfit(k) < misfit(k + 1), k=1, size(grid))]
-      ! The end of the grid at the limit of Kelvin-Voigt damping serves as well, because a fit of the
-      ! wider model must not end above the fit of its limit.
+      ! The end of the grid at the limit of Kelvin-Voigt damping serves as well, because a fit of
+      ! the wider model must not end above the fit of its limit.
       k = merge(size(grid), 1, any(range == of_b))
       is_least(k) = misfit(k) < huge(misfit)
       allocate (starts(n, 0))
@@ -156,7 +156,8 @@ contains
          call fit_to_modes(trial, stage, options, refusal)
          values = [(as_named(stage%free(i), trial%scenario%get(stage%free(i), stage%record(i))), &
             i=1, n)]
-         if (any([(all(abs(values - starts(:, i)) <= same*abs(values)), i=1, size(starts, 2))])) cycle
+         if (any([(all(abs(values - starts(:, i)) <= same*abs(values)), &
+            i=1, size(starts, 2))])) cycle
          starts = reshape([starts, values], [n, size(starts, 2) + 1])
       end do
       if (size(starts, 2) == 0) then
@@ -166,7 +167,8 @@ contains
 
    contains
 
-      !> Sets a value of the grid, and the strengths that suit it; arguments as of `guess_strengths`.
+      !> Sets a value of the grid, and the strengths that suit it; arguments as of
+      !> `guess_strengths`.
       subroutine guess(k, trial, misfit, error)
          integer, intent(in) :: k
          type(residual_t), intent(out) :: trial
@@ -258,8 +260,8 @@ contains
 
    end subroutine guess_strengths
 
-   !> Multiplies E, if it is free, by the factor that brings the frequencies of the model to those of
-   !> the tables: time hysteresis stiffens the beam.
+   !> Multiplies E, if it is free, by the factor that brings the frequencies of the model to those
+   !> of the tables: time hysteresis stiffens the beam.
    subroutine match_frequencies(problem)
       type(residual_t), intent(inout) :: problem
       complex(wp), allocatable :: s(:), ds(:, :)

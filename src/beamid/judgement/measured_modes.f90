@@ -247,7 +247,8 @@ contains
       end select
    end subroutine find_residue
 
-   !> Fits the roots, and adds the measured modes if the fit converges and leaves degrees of freedom.
+   !> Fits the roots, and adds the measured modes if the fit converges and leaves degrees of
+   !> freedom.
    subroutine add_modes(roots, record, modes, error)
       class(roots_fit_t), intent(inout) :: roots
       integer, intent(in) :: record

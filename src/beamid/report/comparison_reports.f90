@@ -53,7 +53,8 @@ contains
          else
             call text%line( &
                'AICc = m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), BIC = m ln(J/m) + k ln m,')
-            call text%line('k = number of free parameters + 1 for the noise; the smaller the better.')
+            call text%line('k = number of free parameters + 1 for the noise; the smaller the '// &
+               'better.')
          end if
          if (criteria%inflation > 1) call text%line(filled('No model leaves residuals as small '// &
             'as the stated noise: J is divided by #.2, the chi-square per degree of freedom of '// &

@@ -19,8 +19,8 @@ module beamid_damping_reports
 
    public :: add_damping
 
-   !> Difference of AICc from the best model up to which a model counts as possible, if the residuals
-   !> are white.
+   !> Difference of AICc from the best model up to which a model counts as possible, if the
+   !> residuals are white.
    real(wp), parameter :: within = 6
 
    !> Width of the column with the names of the models, and of the other columns.
@@ -74,8 +74,8 @@ contains
       call add_ratios(found, labels, text)
    end subroutine add_damping
 
-   !> Returns the factor by which differences of AICc are too large because the residuals of the best
-   !> model are not white; at least 1.
+   !> Returns the factor by which differences of AICc are too large because the residuals of the
+   !> best model are not white; at least 1.
    pure real(wp) function excess_of(found, best) result(excess)
       type(damping_models_t), intent(in) :: found
       integer, intent(in) :: best
@@ -164,8 +164,8 @@ contains
    end function mode_of
 
    !> Adds a damping ratio whose measurement would decide between the best model and another
-   !> possible one: that of the lowest mode in which a model differs from the best one by a fifth, or
-   !> else of the mode in which one differs most.
+   !> possible one: that of the lowest mode in which a model differs from the best one by a fifth,
+   !> or else of the mode in which one differs most.
    subroutine add_decision(found, labels, is_possible, best, text)
       type(damping_models_t), intent(in) :: found
       type(string_t), intent(in) :: labels(:)
@@ -242,8 +242,8 @@ contains
             case (time_hysteresis)
                range = found%models(k)%fit%scenario%get(of_b(1), 0)
                if (range > far*ends(2)) then
-                  call say('b_1 is far above the measured frequencies, where time hysteresis is '// &
-                     'Kelvin-Voigt damping: only d_1/b_1 is determined')
+                  call say('b_1 is far above the measured frequencies, where time hysteresis '// &
+                     'is Kelvin-Voigt damping: only d_1/b_1 is determined')
                else if (range < ends(1)/far) then
                   call say('b_1 is far below the measured frequencies, where the '// &
                      'damping ratio falls like 1/frequency: only d_1 b_1 is determined')
@@ -272,8 +272,8 @@ contains
 
    end subroutine add_limits
 
-   !> Warns if the best model does not explain a measured damping ratio, or leaves residuals that are
-   !> much larger than the stated noise.
+   !> Warns if the best model does not explain a measured damping ratio, or leaves residuals that
+   !> are much larger than the stated noise.
    subroutine add_misfit(found, name, best, text)
       type(damping_models_t), intent(in) :: found
       character(len=*), intent(in) :: name
@@ -308,8 +308,8 @@ contains
       integer :: first, j, k, last
 
       if (size(found%measured) == 0) then
-         call text%line('The records do not show damping ratios by themselves: that takes a free '// &
-            'decay, a frequency response or a table of modes.')
+         call text%line('The records do not show damping ratios by themselves: that takes a '// &
+            'free decay, a frequency response or a table of modes.')
          call text%line()
       end if
       t = normal_quantile(0.975_wp)
