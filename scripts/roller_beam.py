@@ -9,6 +9,8 @@ the places with the voltage that was recorded of the roller. Writes
     without_N.nml    joint.nml without the dwells at the N-th place
     places.csv       voltage, place and the place's distance from a straight line, of joint.nml
     roller_beam.png  the same as a picture
+    track_N.csv, track_N.nml    the N-th trial as a whole, for the command track
+    track_N.png      the place in each window of .5 s, beside a line through the voltage
 
 The record is that of Vereen, Downey, Dodson and Moura. docs/tutorials/moving-support.md says where
 to find it."""
@@ -17,16 +19,17 @@ import os
 import subprocess
 from pathlib import Path
 
+import plot_track
 import plotting as p
 import numpy as np
 from program import release, tell, write_text
 
 SOURCE = ("Record: Vereen, Downey, Dodson, Moura (2023), Dataset-8-DROPBEAR-Acceleration-vs-Roller-"
           "Displacement\nof the High-Rate SHM Working Group. Record and this picture: CC BY-SA 4.0")
-HEADER = 9           # lines of the recorder's files before the numbers
+COLUMNS = ("Time", "Low G Accel", "PinLoc")    # in the recorder's files
 STILL = 0.010        # V in 20 ms: a roller that moves more is not at rest
 NEAR = 0.012         # V, some .6 mm: so near to where it stays a roller has arrived
-REST = 0.5           # s, the shortest dwell
+REST = 0.5           # s, the shortest dwell that is used; --shortest
 LENGTH = 0.3         # s of each dwell that are fitted; mode 2 is gone by then
 FILTER = 0.012       # s, what `thin` takes at either end
 RINGS = 0.010        # V rms; before its first move the roller leaves the beam at rest
@@ -42,18 +45,29 @@ CASE = """&beam           length=0.501, rho=2.666, E=2e11, width=0.051, height=0
 {records}&stage          {stage} /
 &units          length='m', force='N', time='s', mass='kg' /
 """
+# The frequencies of the beam differ from those of the model by some .5 %.
+TRACK = ("&track          parameter='x_P', window=0.5, hop=0.001, rate=0.05, "
+         "frequency_error=0.005 /\n")
 
 
 def read(path):
     """Time (s), acceleration and roller (V) of one of the recorder's files."""
+    rows = [line.split("\t") for line in p.read_text(path).splitlines()]
+    head = next((k for k, row in enumerate(rows) if set(COLUMNS) <= {name.strip() for name in row}),
+                None)
+    if head is None:
+        p.fail(f"{path}: found no line with the columns {', '.join(COLUMNS)}")
+    names = [name.strip() for name in rows[head]]
+    places = [names.index(name) for name in COLUMNS]
+    # Below the names are their units, and lines that the recorder leaves empty.
+    values = [row for row in rows[head + 2:] if len(row) == len(names) and all(row)]
     try:
-        acceleration, _, roller, t = np.loadtxt(path, skiprows=HEADER, unpack=True)
-    except (OSError, ValueError) as error:
-        p.fail(f"{path}: {p.reason(error)}, expected four columns behind {HEADER} lines")
-    return t, acceleration, roller
+        return np.array([[float(row[place]) for place in places] for row in values]).T
+    except ValueError as error:
+        p.fail(f"{path}: {error}, expected numbers below the line of names")
 
 
-def decays(t, acceleration, roller):
+def decays(t, acceleration, roller, shortest=REST):
     """The samples of each dwell that are fitted: the roller has arrived, the beam rings."""
     step = np.median(np.diff(t))
     half = round(0.01 / step)
@@ -67,16 +81,16 @@ def decays(t, acceleration, roller):
         arrived = first + np.flatnonzero(np.append(True, abs(mean[first:last] - level) > NEAR))[-1]
         spare = round(FILTER / step)
         part = slice(max(arrived - spare, 0), min(last, arrived + round(LENGTH / step) + spare))
-        if (last - first) * step > REST and acceleration[part].std() > RINGS:
+        if (last - first) * step > shortest and acceleration[part].std() > RINGS:
             yield part
 
 
-def cut(directory, out):
+def cut(directory, out, shortest):
     """Writes a record of each dwell; the roller's mean voltage in each."""
     volts = []
     for path in sorted(directory.glob("test*.txt")):
         columns = read(path)
-        for part in decays(*columns):
+        for part in decays(*columns, shortest):
             rows = np.transpose(columns)[part]
             volts.append(rows[:, 2].mean())
             write_text(out / f"dwell_{len(volts):02}.csv", "time,acceleration,roller\n" +
@@ -168,16 +182,53 @@ def draw(volts, places, away, path):
     p.save(figure, path)
 
 
+def track(program, directory, out, found):
+    """Follows the roller through whole trials, with what the dwells have told of sensor and
+    support, and compares it with a line through the voltage that the first trial fixes."""
+    known = {name: p.number(found[name], "estimate") for name in ("m_S", "k_P")}
+    slope = constant = None
+    for n, path in enumerate(sorted(directory.glob("test*.txt")), 1):
+        columns = read(path)
+        write_text(out / f"track_{n}.csv", "time,acceleration,roller\n" + "".join(
+            f"{t:.4f},{a:.6g},{volt:.6g}\n" for t, a, volt in columns.T))
+        case = CASE.format(place=FIRST, stiffness=f", k_P={known['k_P']:.6g}",
+                           records=f"&record         file='track_{n}.csv', sd=0.02 /\n",
+                           stage="free='x_P','c_D','offset'")
+        write_text(out / f"track_{n}.nml", case.replace("m_S=0.04", f"m_S={known['m_S']:.6g}")
+                   + TRACK)
+        folder = out / f"track_{n}"
+        done = subprocess.run([program, "track", out / f"track_{n}.nml", "--quiet", "--out",
+                               folder], text=True, capture_output=True)
+        if done.returncode:
+            p.fail(done.stderr.strip().removeprefix("beamid: "))
+        name, unit, followed = plot_track.read_track(p.outputs(folder))
+        volts = plot_track.of_windows(followed, columns[[0, 2]])
+        if slope is None:
+            clear = followed["flag"] == ""
+            slope, constant = np.polyfit(volts[clear], followed["estimate"][clear], 1)
+        line = constant + slope * volts
+        of = plot_track.metrics(followed, line)
+        print(f"track {path.name}: {1e3 * of['rms']:.2f} mm rms of {of['windows']} windows without "
+              f"a flag, SNR {of['snr']:.1f} dB, TRAC {of['trac']:.5f}\n"
+              f"  {100 * of['held']:.0f} % of their intervals hold {1e3 * constant:.2f} mm + "
+              f"{1e3 * slope:.2f} mm/V", flush=True)
+        figure = plot_track.draw(name, unit, followed, "s", line)
+        figure.supxlabel(SOURCE, fontsize=7, color=p.GREY)
+        p.save(figure, out / f"track_{n}.png")
+
+
 def main():
     """From the recorder's files to the picture."""
     parser = p.new_parser(__doc__.split(" Writes")[0])
     parser.add_argument("directory", metavar="DIR", type=Path, help="the recorder's test*.txt")
     parser.add_argument("--out", type=Path, default=Path("out/roller_beam"))
     parser.add_argument("--quick", action="store_true", help="joint.nml alone, not those beside it")
+    parser.add_argument("--shortest", type=float, default=REST, metavar="SECONDS",
+                        help=f"the shortest dwell that is used (default: {REST})")
     options = parser.parse_args()
     program = os.environ.get("BEAMID_PROGRAM") or release()     # tests bring one of their own
     out = options.out
-    volts = cut(options.directory, out)
+    volts = cut(options.directory, out, options.shortest)
     starts = one_by_one(program, out, volts.size)
     found = jointly(program, out / "joint.nml", starts, "m_S", "k_P")
     places, away = judge("elastic support", found, volts)
@@ -194,6 +245,9 @@ def main():
         rest = np.setdiff1d(order, left_out)
         found = jointly(program, out / f"without_{n}.nml", [starts[k] for k in rest], "m_S", "k_P")
         judge(f"without the dwells at {volts[left_out].mean():.2f} V", found, volts[rest])
+        if n == 1:
+            best = found
+    track(program, options.directory, out, best)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,8 @@ contains
          'none: found no file test*.txt') .and. line_count(outcome%err) == 1, outcome%err)
       outcome = run('seq 12 >few/test0.txt; '//script//'few')
       call check('other columns', outcome%status == 2 .and. has_all(outcome%err, &
-         'few/test0.txt|expected four columns') .and. line_count(outcome%err) == 1, outcome%err)
+         'few/test0.txt|found no line with the columns Time') .and. line_count(outcome%err) == 1, &
+         outcome%err)
    end subroutine test_refusals
 
    !> An independent model found from two frequencies of each dwell a straight line of 50 to 55 mm

@@ -110,10 +110,10 @@ module beamid_parameters
          needs=of_b_h, help='strength of spatial hysteresis, a damping between distant sections'), &
       parameter_t(of_b_h, 'b_h', 'beam', [0, 1, 0], not_negative, '0', &
          monomial_t(0.1_wp, [of_length, 0, 0]), modifies=of_a_h, &
-         help='range of spatial hysteresis, the standard deviation of its kernel'), &
+         help='range of spatial hysteresis, the standard deviation of its kernel; needs a_h'), &
       parameter_t(of_d(1), 'd_1', 'beam', [0, 0, 0], not_negative, '0', monomial_t(5e-2_wp), &
          needs=of_b(1), modifies=of_d(1), &
-         help='strength of time hysteresis: the modulus is E(1 + d_1 s/(s + b_1) + ...)'), &
+         help='strength of time hysteresis: E(1 + d_1 s/(s + b_1)) for motions like e^(s t)'), &
       parameter_t(of_b(1), 'b_1', 'beam', [0, 0, -1], not_negative, '0', &
          monomial_t(place=[the_omega, 0, 0]), modifies=of_d(1), &
          help='relaxation rate of time hysteresis'), &
