@@ -80,11 +80,14 @@ contains
          return
       end if
       call fit_reference(reference, error, monitor)
-      if (.not. allocated(error)) call measure_modes(reference%model, reference%mesh, &
-         reference%experiments, reference%fit, found%measured, error)
-      if (.not. allocated(error) .and. by_ratios .and. size(found%measured) == 0) &
-         call failure(error, 'no damping ratio can be measured: no mode stands out of the noise')
       if (allocated(error)) return
+      call measure_modes(reference%model, reference%mesh, reference%experiments, reference%fit, &
+         found%measured, error)
+      if (allocated(error)) return
+      if (by_ratios .and. size(found%measured) == 0) then
+         call failure(error, 'no damping ratio can be measured: no mode stands out of the noise')
+         return
+      end if
       tables = tables_of(reference%experiments, reference%mesh, reference%fit, found%measured)
       found%combinations = combinations_for(any([(.not. allocated(reference%experiments(k) &
          %observed), k=1, size(reference%experiments))]))
