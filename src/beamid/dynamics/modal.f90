@@ -23,7 +23,7 @@ module beamid_modal
    use beamid_strings, only: to_text
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load, check_causal
-   use beamid_synthesis, only: synthesize
+   use beamid_synthesis, only: slowest_unseen, synthesize
    use beamid_terms, only: bending, of_stiffness, tilting
    use beamid_transfer_lines, only: transfer_along
    use beamid_vectors, only: root_t
@@ -54,6 +54,8 @@ module beamid_modal
       complex(wp), allocatable, private :: first_ds(:, :)
       integer, allocatable, private :: first_parameters(:)
       real(wp), allocatable, private :: first_values(:)
+      real(wp), private :: first_rate = 0
+      integer, private :: first_modes = 0
    contains
       procedure :: prepare, motions, free_modes, lowest_roots, transfer, stay_here
       procedure, private :: solve, add_loss, assemble_checked
@@ -88,6 +90,8 @@ contains
       self%first_ds = self%poles%ds
       self%first_parameters = self%poles%parameters
       self%first_values = self%poles%values
+      self%first_rate = self%poles%rate
+      self%first_modes = self%poles%modes
    end subroutine stay_here
 
    !> Computes motions of the sensor and their derivatives; arguments as in `beamid_responses`.
@@ -103,7 +107,8 @@ contains
       integer :: n
 
       call check_causal(equations%structure, parameters, error)
-      if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error)
+      if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error, &
+         slowest_unseen(excitation, times), 0)
       if (allocated(error)) return
       n = count(which /= of_tilt)
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
@@ -169,13 +174,17 @@ contains
    !> parameters  numbers of the parameters of the derivatives
    !> error       the solver is not prepared for this mesh, the beam buckles, or the search for the
    !>             roots fails
-   subroutine solve(self, equations, excitation, parameters, work, error)
+   !> rate        poles that decay faster may be left out [1/time]
+   !> modes       number of the lowest modes that are wanted besides
+   subroutine solve(self, equations, excitation, parameters, work, error, rate, modes)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: parameters(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      real(wp), intent(in) :: rate
+      integer, intent(in) :: modes
       type(assembly_t) :: assembly
       type(equations_t), allocatable :: elastic
 
@@ -187,18 +196,38 @@ contains
          call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
       end if
       if (allocated(error)) return
-      if (.not. has_poles_of(self, assembly%structure, excitation, assembly%row)) then
-         call update_poles(self, assembly%structure, excitation, assembly, error)
+      if (self%poles%rate < rate .or. self%poles%modes < modes .or. .not. has_poles_of(self, &
+         assembly%structure, excitation, assembly%row)) then
+         call update_poles(self, assembly%structure, excitation, assembly, rate, modes, error)
          if (allocated(error)) return
       else if (size(self%poles%parameters) == size(parameters)) then
          ! If only the history of the force has changed, the derivatives remain valid.
          if (all(self%poles%parameters == parameters)) return
       end if
       call differentiate_poles(assembly, self%poles)
+      call set_static(assembly, self%poles)
       if (assembly%tilt_row == 0) return
       assembly%sensor = assembly%tilt_row
       call differentiate_poles(assembly, self%tilt_poles)
+      call set_static(assembly, self%tilt_poles)
    end subroutine solve
+
+   !> Sets the transfer function at s = 0 and its derivative, unless all poles are there.
+   subroutine set_static(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      complex(wp) :: h(1, 0:size(assembly%parameters))
+      real(wp) :: step
+
+      if (poles%has_all()) return
+      ! For a step so small, the imaginary part is the derivative to all digits.
+      step = 1e-30_wp*minval(abs(poles%s))
+      call transfer_along(assembly, [cmplx(0.0_wp, step, wp)], h)
+      if (allocated(poles%static)) deallocate (poles%static)
+      allocate (poles%static(2, 0:size(assembly%parameters)))
+      poles%static(1, :) = real(h(1, :))
+      poles%static(2, :) = aimag(h(1, :))/step
+   end subroutine set_static
 
    !> Adds structural damping to the poles of `solve`, for the lowest modes that oscillate.
    !>
@@ -283,13 +312,16 @@ contains
    !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
    !> gravity, starting from those of the last structure.
    !>
-   !> assembly  of the structure
-   !> error     the search fails, or a root that is real and positive shows that the beam buckles
-   subroutine update_poles(self, structure, excitation, assembly, error)
+   !> assembly     of the structure
+   !> rate, modes  as of `solve`
+   !> error        the search fails, or a root that is real and positive shows that the beam buckles
+   subroutine update_poles(self, structure, excitation, assembly, rate, modes, error)
       class(modal_t), intent(inout) :: self
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
       type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: rate
+      integer, intent(in) :: modes
       type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: slope_assembly
 
@@ -300,8 +332,10 @@ contains
          self%poles%ds = self%first_ds
          self%poles%parameters = self%first_parameters
          self%poles%values = self%first_values
+         self%poles%rate = self%first_rate
+         self%poles%modes = self%first_modes
       end if
-      call find_poles(assembly, self%poles, error)
+      call find_poles(assembly, self%poles, error, rate, modes)
       if (allocated(error)) return
       if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
          self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
@@ -313,6 +347,8 @@ contains
          slope_assembly%sensor = assembly%tilt_row
          self%tilt_poles%root = self%poles%root
          self%tilt_poles%all = self%poles%all
+         self%tilt_poles%rate = self%poles%rate
+         self%tilt_poles%modes = self%poles%modes
          self%tilt_poles%vector = self%poles%vector
          call find_residues(slope_assembly, self%tilt_poles, error)
          if (allocated(error)) return
@@ -389,7 +425,8 @@ contains
 
       type(poles_t) :: poles
 
-      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error, 0.0_wp, &
+         merge(huge(1), wanted, equations%structure%eta > 0))
       if (allocated(error)) return
       if (equations%structure%eta > 0) then
          call self%add_loss(equations, parameters, wanted, poles, work, error)
@@ -420,7 +457,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(poles_t) :: poles
 
-      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error, 0.0_wp, &
+         merge(huge(1), wanted, equations%structure%eta > 0))
       if (allocated(error)) return
       if (equations%structure%eta > 0) then
          call self%add_loss(equations, parameters, wanted, poles, work, error)

@@ -32,6 +32,12 @@ module beamid_poles
       !> is Re(sum r e**(s t)). 0 if the root belongs to a cluster.
       complex(wp), allocatable :: residue(:)
       type(cluster_t), allocatable :: cluster(:)  !< groups of roots that nearly coincide
+      !> All roots with Re s >= -rate are there, and so many of the lowest that oscillate. The motion
+      !> by the others is quasi-static.
+      real(wp) :: rate = huge(1.0_wp)
+      integer :: modes = huge(1)
+      !> (2, 0:parameters) transfer function and its derivative with respect to s, at s = 0
+      real(wp), allocatable :: static(:, :)
       !> o'M**-1 F = sum of r s: acceleration of the sensor at the instant at which a unit force
       !> acts
       real(wp) :: impulse = 0
@@ -46,6 +52,8 @@ module beamid_poles
       integer, allocatable :: parameters(:)       !< numbers of the parameters of the derivatives
       !> (parameters) their values; not allocated: `ds` belongs to other roots
       real(wp), allocatable :: values(:)
+   contains
+      procedure :: has_all
    end type poles_t
 
    !> Largest accepted errors of two sum rules. The residues add up to 0, and the products r s to
@@ -67,11 +75,12 @@ module beamid_poles
 contains
 
    !> Computes the residues of the isolated roots and the clusters of the others, and checks the
-   !> sum rules.
+   !> sum rules if all roots are there.
    !>
    !> poles  in: `root`, `all` and `vector`; out: `s`, `residue`, `cluster`, `impulse` and
    !>        `accelerations`
-   !> error  roots are missing, or are too close together for a cluster
+   !> error  roots are missing, or are too close together for a cluster, or close together at all
+   !>        if not all are there
    subroutine find_residues(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
@@ -97,6 +106,12 @@ contains
                   *load_on(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
+      if (.not. poles%has_all()) then
+         if (any(near)) call failure(error, 'modal: roots are close together')
+         poles%cluster = [cluster_t ::]
+         call set_accelerations(assembly, poles)
+         return
+      end if
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
          poles%cluster)
       if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
@@ -148,6 +163,32 @@ contains
       call find_vector(assembly, root, vector)
    end subroutine renormalize
 
+   !> Returns whether all roots of the structure are there.
+   pure logical function has_all(self)
+      class(poles_t), intent(in) :: self
+
+      has_all = self%modes == huge(1)
+   end function has_all
+
+   !> Computes the accelerations at the instant at which a unit force acts.
+   !>
+   !> poles  out: `impulse` and `accelerations`
+   subroutine set_accelerations(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      integer :: n
+
+      n = assembly%n
+      if (allocated(poles%accelerations)) deallocate (poles%accelerations)
+      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
+      associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
+         x(:, 1) = assembly%load
+         x(:, 2) = assembly%vt(:, assembly%sensor)
+         call solve_mass(assembly, x, y, -assembly%base_coupling)
+         poles%impulse = y(assembly%sensor, 1)
+      end associate
+   end subroutine set_accelerations
+
    !> Checks that no root is missing, by two sum rules: the residues r add up to 0, and the products
    !> r s to the acceleration at the instant at which a unit force acts.
    !>
@@ -161,14 +202,9 @@ contains
       integer :: k, n
 
       n = assembly%n
-      if (allocated(poles%accelerations)) deallocate (poles%accelerations)
-      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
-      associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
-         x(:, 1) = assembly%load
-         x(:, 2) = assembly%vt(:, assembly%sensor)
-         call solve_mass(assembly, x, y, -assembly%base_coupling)
-         poles%impulse = y(assembly%sensor, 1)
-         ordinary = abs(dot_product(assembly%load, x(:, 1)))*abs(y(assembly%sensor, 2))
+      call set_accelerations(assembly, poles)
+      associate (a => poles%accelerations)
+         ordinary = abs(dot_product(assembly%load, a(:n, 1)))*abs(a(n + assembly%sensor, 2))
       end associate
       ! A sensor at a rigid support does not move. The reference is then the acceleration of the
       ! beam without attachments.

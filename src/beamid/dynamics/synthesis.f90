@@ -5,6 +5,11 @@
 !> of the sensor are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o'M**-1 F, with the
 !> residues r. A cluster of poles has states of its own, with rows in place of residues.
 !>
+!> Poles that have decayed between each node of the force and the next sample may be left out:
+!> there, z is -f/s - f'/s**2. What they contribute follows from the sums of r s**k over all poles:
+!> h(0) and h'(0) of the transfer function, with the opposite sign, for k = -1 and -2, and 0 and
+!> o'M**-1 F for k = 0 and 1.
+!>
 !> The real and imaginary parts of all states at many times are the columns of a matrix. Each motion
 !> and each derivative is this matrix times a vector of weights.
 module beamid_synthesis
@@ -16,7 +21,7 @@ module beamid_synthesis
    implicit none
    private
 
-   public :: synthesize, at_rest, states_t
+   public :: synthesize, slowest_unseen, at_rest, states_t
 
    !> The states of all poles and clusters at one time.
    type :: states_t
@@ -42,6 +47,8 @@ module beamid_synthesis
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
    integer, parameter :: block_size = 500
+   !> Decay of what is not seen, as a logarithm; e**-40 is 4e-18.
+   real(wp), parameter :: unseen = 40
 
 contains
 
@@ -74,6 +81,7 @@ contains
             motion(first:last, :, q) = matmul(x(:last - first + 1, :), weights(:, :, q))
          end do
       end do
+      if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
       do q = 1, size(which)
          if (which(q) < 3) cycle
          associate (force => excitation%force(times), impulse => [poles%impulse, poles%dimpulse])
@@ -83,6 +91,82 @@ contains
          end associate
       end do
    end subroutine synthesize
+
+   !> Returns the decay rate above which the state of a pole is quasi-static at all samples [1/time].
+   pure real(wp) function slowest_unseen(excitation, times) result(rate)
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)   !< ascending [time]
+      real(wp) :: f(2), since
+      integer :: k, node
+
+      rate = 0
+      node = 0
+      do k = 1, size(times)
+         call before(excitation, times(k), node, f, since)
+         rate = max(rate, unseen/since)
+      end do
+   end function slowest_unseen
+
+   !> Computes the force just before a time, and how long it has had no node.
+   !>
+   !> node   in and out: last node before t, 0 if there is none; in: that of an earlier time
+   !> f      force [force] and its slope [force/time]
+   !> since  time since the node; `huge` if there is none
+   pure subroutine before(excitation, t, node, f, since)
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: t
+      integer, intent(inout) :: node
+      real(wp), intent(out) :: f(2), since
+
+      f = 0
+      since = huge(since)
+      associate (nodes => excitation%t, force => excitation%f)
+         do while (node < size(nodes))
+            if (nodes(node + 1) >= t - round_off(t)) exit
+            node = node + 1
+         end do
+         if (node == 0) return
+         since = t - nodes(node)
+         if (node == size(nodes)) return
+         f(2) = (force(node + 1) - force(node))/(nodes(node + 1) - nodes(node))
+         f(1) = force(node) + f(2)*since
+      end associate
+   end subroutine before
+
+   !> Adds the motion by the poles that have been left out. Arguments as of `synthesize`.
+   subroutine add_quasi_static(poles, excitation, times, which, motion)
+      type(poles_t), intent(in) :: poles
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      integer, intent(in) :: which(:)
+      real(wp), intent(inout) :: motion(:, 0:, :)
+      real(wp) :: rest(-2:1, 0:ubound(motion, 2)), f(2), since
+      integer :: k, n, node, p, q
+
+      ! The sums of r s**k over the poles that are there, less those over all poles.
+      n = ubound(motion, 2)
+      rest(-2, :) = poles%static(2, :n)
+      rest(-1, :) = poles%static(1, :n)
+      rest(0, :) = 0
+      rest(1, :) = -[poles%impulse, poles%dimpulse(:n)]
+      associate (r => poles%residue, s => poles%s)
+         do k = -2, 1
+            rest(k, 0) = rest(k, 0) + sum(real(r*s**k))
+            do p = 1, n
+               rest(k, p) = rest(k, p) + sum(real((poles%dr(:, p) + k*r*poles%ds(:, p)/s)*s**k))
+            end do
+         end do
+      end associate
+      node = 0
+      do k = 1, size(times)
+         call before(excitation, times(k), node, f, since)
+         if (.not. any(abs(f) > 0)) cycle
+         do q = 1, size(which)
+            motion(k, :, q) = motion(k, :, q) + f(1)*rest(which(q) - 2, :) &
+               + f(2)*rest(which(q) - 3, :)
+         end do
+      end do
+   end subroutine add_quasi_static
 
    !> Returns the weights by which the columns of states are multiplied.
    !>
