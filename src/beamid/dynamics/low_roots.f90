@@ -97,7 +97,7 @@ contains
       end associate
       modes = count(aimag(root(:n - 1)%s) > 0)
       if (found) found = abs(missed(assembly, root, radius)) < 0.2_wp
-      if (ratio > 0) rate = min(radius, (radius**2 - springs)*ratio/2)
+      if (rate > 0) rate = max(rate, min(radius, (radius**2 - springs)*ratio/2))
    end subroutine find_low_roots
 
    !> Sorts roots by |s| and removes those above the first one that is outside of every disc that is
@@ -186,8 +186,8 @@ contains
 
       allocate (root(0))
       m = max(count(abs(assembly%pole(:assembly%beam, 1)) < radius), min(modes, assembly%n))
-      m = 2*(m + size(assembly%v, 1)) + 6
       if (m > largest_share*assembly%beam) return
+      m = min(assembly%beam, m + m/2 + 2*size(assembly%v, 1) + 4)
       kept = [(k, k=1, m), (k, k=assembly%beam + 1, assembly%n)]
       few%structure = assembly%structure
       few%strength = assembly%strength
