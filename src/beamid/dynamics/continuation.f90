@@ -104,7 +104,9 @@ contains
       is_real = .not. abs(aimag(root%s)) > 0
       if (assembly%is_undamped()) root%s = cmplx(0.0_wp, aimag(root%s), wp)
       root%origin = 0
-      call nearest_pole(assembly, root)
+      ! An oscillator that took part in the motion of a similar structure still does.
+      call nearest_pole(assembly, root, keep_j=root%j > 0 .and. root%j <= assembly%n .and. &
+         .not. assembly%is_dense() .and. assembly%relaxation%n == 0)
       if (assembly%is_dense()) then
          call improve_root(assembly, root)
          call find_eigenvector(assembly, root, vector)
@@ -211,18 +213,22 @@ contains
       if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) conjugate_of%side = 3 - root%side
    end function conjugate_of
 
-   !> Returns all roots, in the order of `find_roots`: one of each complex pair and of every two
+   !> Makes the list of all roots, in the order of `find_roots`: one of each complex pair and of every two
    !> real roots in the first half, the other one in the second half.
    !>
    !> half  one of each complex pair and all real roots
-   pure function with_conjugates(assembly, half) result(all)
+   !> all   in: an array to be reused; out: all roots
+   pure subroutine with_conjugates(assembly, half, all)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: half(:)
-      type(root_t), allocatable :: all(:)
+      type(root_t), allocatable, intent(inout) :: all(:)
       integer :: k, n, pairs, reals
 
       n = assembly%roots()/2
-      allocate (all(2*n))
+      if (allocated(all)) then
+         if (size(all) /= 2*n) deallocate (all)
+      end if
+      if (.not. allocated(all)) allocate (all(2*n))
       pairs = 0
       reals = 2*n - size(half)       ! number of complex pairs; the real roots follow them
       do k = 1, size(half)
@@ -235,6 +241,6 @@ contains
             all(reals + merge(0, 2*n - size(half), reals <= n)) = half(k)
          end if
       end do
-   end function with_conjugates
+   end subroutine with_conjugates
 
 end module beamid_continuation

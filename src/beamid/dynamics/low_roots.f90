@@ -211,6 +211,7 @@ contains
          return
       end if
       where (abs(aimag(root%s)) <= nudge*abs(root%s)) root%s = real(root%s)
+      root%j = 0
       root = pack(root, aimag(root%s) >= 0)
    end subroutine low_points
 
@@ -232,8 +233,9 @@ contains
       points = max(12, size(known) + 2)
       missed = 0
       do k = 1, points
-         point = root_t(s=radius*exp(cmplx(0.0_wp, pi*(k - 0.5_wp)/points, wp)))
-         call nearest_pole(assembly, point)
+         point%s = radius*exp(cmplx(0.0_wp, pi*(k - 0.5_wp)/points, wp))
+         point%origin = 0
+         call nearest_pole(assembly, point, keep_j=k > 1)
          slope = logarithmic_derivative(assembly, point)
          do i = 1, size(known)
             associate (s => known(i)%s)

@@ -16,7 +16,7 @@ module beamid_modal
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
    use beamid_pole_derivatives, only: differentiate_poles, differentiate_root
-   use beamid_pole_search, only: find_poles
+   use beamid_pole_search, only: few_oscillators, find_poles
    use beamid_poles, only: find_residues, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_splines, only: same_space
@@ -40,14 +40,13 @@ module beamid_modal
       type(poles_t), private :: poles = poles_t()         !< poles of the last structure
       !> the same poles, observed at the slope of the sensor; only if there is gravity
       type(poles_t), private :: tilt_poles = poles_t()
-      !> the last structure; not allocated: `poles` is not valid
-      type(structure_t), allocatable, private :: structure
-      !> kind of load of `poles`: a distributed force, a base that moves
+      !> equations of the last structure
+      type(assembly_t), allocatable, private :: assembly
+      logical, private :: is_known = .false.   !< whether `poles` are those of `assembly`
+      !> kind of load of `assembly`: a distributed force, a base that moves
       logical, private :: distributed = .false., base = .false.
-      !> power of the distributed force of `poles`
+      !> power of the distributed force of `assembly`
       real(wp), private :: power = 0
-      !> (operators) rows of the assembly of `poles`
-      integer, allocatable, private :: rows(:)
       !> roots of `stay_here` and their derivatives, from which every search starts; not allocated:
       !> a search starts from those of the last structure
       type(root_t), allocatable, private :: first_root(:), first_all(:)
@@ -75,7 +74,8 @@ contains
       allocate (self%modes)
       call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
-      if (allocated(self%structure)) deallocate (self%structure)
+      if (allocated(self%assembly)) deallocate (self%assembly)
+      self%is_known = .false.
       if (allocated(self%first_root)) deallocate (self%first_root)
    end subroutine prepare
 
@@ -84,7 +84,7 @@ contains
    subroutine stay_here(self)
       class(modal_t), intent(inout) :: self
 
-      if (.not. allocated(self%structure) .or. .not. allocated(self%poles%values)) return
+      if (.not. self%is_known .or. .not. allocated(self%poles%values)) return
       self%first_root = self%poles%root
       self%first_all = self%poles%all
       self%first_ds = self%poles%ds
@@ -104,11 +104,14 @@ contains
       real(wp), intent(out) :: motion(:, 0:, :)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      real(wp) :: rate
       integer :: n
 
       call check_causal(equations%structure, parameters, error)
+      rate = huge(rate)
+      if (equations%galerkin%space%n >= few_oscillators) rate = slowest_unseen(excitation, times)
       if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error, &
-         slowest_unseen(excitation, times), 0)
+         rate, 0)
       if (allocated(error)) return
       n = count(which /= of_tilt)
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
@@ -176,7 +179,7 @@ contains
    !>             roots fails
    !> rate        poles that decay faster may be left out [1/time]
    !> modes       number of the lowest modes that are wanted besides
-   subroutine solve(self, equations, excitation, parameters, work, error, rate, modes)
+   recursive subroutine solve(self, equations, excitation, parameters, work, error, rate, modes)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
@@ -185,32 +188,79 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), intent(in) :: rate
       integer, intent(in) :: modes
-      type(assembly_t) :: assembly
       type(equations_t), allocatable :: elastic
+      integer, allocatable :: rows(:)
+      logical :: is_known, differentiated
+      integer :: sensor
 
       if (equations%structure%eta > 0) then
          elastic = equations
          elastic%structure%eta = 0
-         call self%assemble_checked(elastic, excitation, parameters, assembly, work, error)
-      else
-         call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
+         call self%solve(elastic, excitation, parameters, work, error, rate, modes)
+         return
       end if
+      call check_prepared(self, equations, work, error)
       if (allocated(error)) return
-      if (self%poles%rate < rate .or. self%poles%modes < modes .or. .not. has_poles_of(self, &
-         assembly%structure, excitation, assembly%row)) then
-         call update_poles(self, assembly%structure, excitation, assembly, rate, modes, error)
-         if (allocated(error)) return
-      else if (size(self%poles%parameters) == size(parameters)) then
-         ! If only the history of the force has changed, the derivatives remain valid.
-         if (all(self%poles%parameters == parameters)) return
+      is_known = self%is_known
+      if (is_known) is_known = has_load(self, excitation) .and. &
+         same_structure(self%assembly%structure, equations%structure)
+      differentiated = is_known
+      if (differentiated) differentiated = size(parameters) == size(self%assembly%parameters)
+      if (differentiated) differentiated = all(parameters == self%assembly%parameters)
+      if (.not. differentiated) then
+         if (allocated(self%assembly)) rows = self%assembly%row
+         call move_to(self, equations, excitation, parameters)
+         ! A parameter may add a row, which the poles are observed by.
+         if (is_known) is_known = all(self%assembly%row == rows)
       end if
-      call differentiate_poles(assembly, self%poles)
-      call set_static(assembly, self%poles)
-      if (assembly%tilt_row == 0) return
-      assembly%sensor = assembly%tilt_row
-      call differentiate_poles(assembly, self%tilt_poles)
-      call set_static(assembly, self%tilt_poles)
+      if (self%poles%rate < rate .or. self%poles%modes < modes .or. .not. is_known) then
+         call update_poles(self, rate, modes, error)
+         if (allocated(error)) return
+      else if (differentiated) then
+         ! If only the history of the force has changed, the derivatives remain valid.
+         return
+      end if
+      self%is_known = .true.
+      associate (assembly => self%assembly)
+         call differentiate_poles(assembly, self%poles)
+         call set_static(assembly, self%poles)
+         if (assembly%tilt_row == 0) return
+         sensor = assembly%sensor
+         assembly%sensor = assembly%tilt_row
+         call differentiate_poles(assembly, self%tilt_poles)
+         call set_static(assembly, self%tilt_poles)
+         assembly%sensor = sensor
+      end associate
    end subroutine solve
+
+   !> Assembles the equations of a structure under a load; arguments as of `solve`.
+   subroutine move_to(self, equations, excitation, parameters)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      logical :: done
+
+      self%is_known = .false.
+      done = allocated(self%assembly) .and. .not. excitation%is_base
+      if (done) done = has_load(self, excitation)
+      if (done) call self%assembly%renew(equations%structure, self%modes, parameters, done)
+      if (done) return
+      if (.not. allocated(self%assembly)) allocate (self%assembly)
+      call assemble(self%modes, equations, excitation, parameters, self%assembly)
+      self%distributed = excitation%distributed
+      self%base = excitation%is_base
+      self%power = excitation%power
+   end subroutine move_to
+
+   !> Returns whether the load of `assembly` is that of an excitation.
+   pure logical function has_load(self, excitation)
+      class(modal_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_load = (self%distributed .eqv. excitation%distributed) .and. &
+         (self%base .eqv. excitation%is_base) .and. abs(self%power - excitation%power) <= 0
+   end function has_load
 
    !> Sets the transfer function at s = 0 and its derivative, unless all poles are there.
    subroutine set_static(assembly, poles)
@@ -248,8 +298,7 @@ contains
       logical, dimension(size(self%poles%s)) :: done, waiting
       integer :: k, mode
 
-      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
-         error)
+      call self%assemble_checked(equations, parameters, assembly, work, error)
       if (allocated(error)) return
       if (assembly%relaxation%n > 0) then
          call failure(error, 'modal: '//loss_beside_relaxation)
@@ -277,16 +326,29 @@ contains
       end do
    end subroutine add_loss
 
-   !> Assembles the equations of a structure in the modes of the mesh.
+   !> Assembles the equations of a structure in the modes of the mesh, for a force at a point.
    !>
    !> parameters  numbers of the parameters of the derivatives
-   !> error       interrupted; the solver is not prepared for this mesh; the beam buckles
-   subroutine assemble_checked(self, equations, excitation, parameters, assembly, work, error)
+   !> error       as of `check_prepared`
+   subroutine assemble_checked(self, equations, parameters, assembly, work, error)
       class(modal_t), intent(in) :: self
       type(equations_t), intent(in) :: equations
-      type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: parameters(:)
       type(assembly_t), intent(out) :: assembly
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+
+      call check_prepared(self, equations, work, error)
+      if (.not. allocated(error)) call assemble(self%modes, equations, new_pulse(0.0_wp, 1.0_wp), &
+         parameters, assembly)
+   end subroutine assemble_checked
+
+   !> Checks that the equations can be assembled, and counts one solution.
+   !>
+   !> error  interrupted; the solver is not prepared for this mesh; the beam buckles
+   subroutine check_prepared(self, equations, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
 
@@ -305,27 +367,21 @@ contains
          end if
       end associate
       call check_axial_load(equations%structure, error)
-      if (allocated(error)) return
-      call assemble(self%modes, equations, excitation, parameters, assembly)
-   end subroutine assemble_checked
+   end subroutine check_prepared
 
-   !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
+   !> Finds the poles of the assembly at the sensor, and at the slope of the sensor if it reads
    !> gravity, starting from those of the last structure.
    !>
-   !> assembly     of the structure
    !> rate, modes  as of `solve`
    !> error        the search fails, or a root that is real and positive shows that the beam buckles
-   subroutine update_poles(self, structure, excitation, assembly, rate, modes, error)
+   subroutine update_poles(self, rate, modes, error)
       class(modal_t), intent(inout) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: rate
       integer, intent(in) :: modes
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: slope_assembly
+      integer :: sensor
 
-      if (allocated(self%structure)) deallocate (self%structure)
+      self%is_known = .false.
       if (allocated(self%first_root)) then
          self%poles%root = self%first_root
          self%poles%all = self%first_all
@@ -335,46 +391,28 @@ contains
          self%poles%rate = self%first_rate
          self%poles%modes = self%first_modes
       end if
-      call find_poles(assembly, self%poles, error, rate, modes)
-      if (allocated(error)) return
-      if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
-         self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
-         call failure(error, 'modal: '//buckled)
-         return
-      end if
-      if (assembly%tilt_row > 0) then
-         slope_assembly = assembly
-         slope_assembly%sensor = assembly%tilt_row
-         self%tilt_poles%root = self%poles%root
-         self%tilt_poles%all = self%poles%all
-         self%tilt_poles%rate = self%poles%rate
-         self%tilt_poles%modes = self%poles%modes
-         self%tilt_poles%vector = self%poles%vector
-         call find_residues(slope_assembly, self%tilt_poles, error)
+      associate (assembly => self%assembly)
+         call find_poles(assembly, self%poles, error, rate, modes)
          if (allocated(error)) return
-      end if
-      self%structure = structure
-      self%distributed = excitation%distributed
-      self%base = excitation%is_base
-      self%power = excitation%power
-      self%rows = assembly%row
+         if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
+            self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
+            call failure(error, 'modal: '//buckled)
+            return
+         end if
+         if (assembly%tilt_row > 0) then
+            sensor = assembly%sensor
+            assembly%sensor = assembly%tilt_row
+            self%tilt_poles%root = self%poles%root
+            self%tilt_poles%all = self%poles%all
+            self%tilt_poles%rate = self%poles%rate
+            self%tilt_poles%modes = self%poles%modes
+            self%tilt_poles%vector = self%poles%vector
+            call find_residues(assembly, self%tilt_poles, error)
+            assembly%sensor = sensor
+            if (allocated(error)) return
+         end if
+      end associate
    end subroutine update_poles
-
-   !> Returns whether the poles of the last call are those of a structure under a load.
-   !>
-   !> rows  (operators) rows of the assembly of the structure
-   pure logical function has_poles_of(self, structure, excitation, rows)
-      class(modal_t), intent(in) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: rows(:)
-
-      has_poles_of = allocated(self%structure)
-      if (has_poles_of) has_poles_of = same_structure(self%structure, structure) .and. &
-         (self%distributed .eqv. excitation%distributed) .and. &
-         (self%base .eqv. excitation%is_base) .and. &
-         abs(self%power - excitation%power) <= 0 .and. all(self%rows == rows)
-   end function has_poles_of
 
    !> Computes the transfer function; arguments as in `beamid_responses`. It needs no roots, and
    !> holds for every structure with bending stiffness and every point.
@@ -391,8 +429,7 @@ contains
       complex(wp), allocatable :: slope(:, :)
       integer :: p
 
-      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
-         error)
+      call self%assemble_checked(equations, parameters, assembly, work, error)
       if (allocated(error)) return
       if (.not. assembly%strength(bending, of_stiffness) > tiny(1.0_wp)) then
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')

@@ -20,6 +20,9 @@ module beamid_pole_search
 
    public :: find_poles
 
+   !> Number of oscillators below which all roots are found.
+   integer, parameter, public :: few_oscillators = 12
+
 contains
 
    !> Finds the roots of a structure, their eigenvectors and residues: all of them, or all with
@@ -45,7 +48,10 @@ contains
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
          return
       end if
-      if (present(rate)) then
+      found = .false.
+      if (present(rate)) found = rate < huge(rate) .and. modes < assembly%n .and. &
+         assembly%n >= few_oscillators
+      if (found) then
          call find_low_poles(assembly, rate, modes, poles, found)
          if (found) return
       end if
@@ -154,7 +160,7 @@ contains
       found = all(followed)
       if (found) then
          poles%root = moved
-         poles%all = with_conjugates(assembly, moved)
+         call with_conjugates(assembly, moved, poles%all)
          call add_relaxed(relaxed, poles)
          if (size(poles%vector) /= size(poles%root)) then
             call find_eigenvectors(assembly, poles)

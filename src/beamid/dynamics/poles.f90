@@ -85,7 +85,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: undamped(size(poles%root))
+      real(wp) :: undamped(size(poles%root)), size_of_A
       logical, dimension(size(poles%root)) :: near, alone
       integer :: k
 
@@ -94,15 +94,20 @@ contains
       do k = 1, size(poles%s)
          if (.not. assembly%is_dense()) call renormalize(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
-            ! |A| of an undamped mode.
+            ! |A| of an undamped mode, and |A|.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
-            near(k) = .not. (abs(vector%A) >= small_A*undamped(k) .or. &
-               is_unresolved(assembly, vector, poles%s(k)))
-            alone(k) = abs(vector%A) > smaller_A*undamped(k)
+            size_of_A = abs(vector%A)
+            near(k) = .not. size_of_A >= small_A*undamped(k)
+            alone(k) = size_of_A > smaller_A*undamped(k)
             poles%residue(k) = 0
+            if (near(k)) then
+               if (is_unresolved(assembly, vector, poles%s(k))) then
+                  near(k) = .false.
+                  cycle
+               end if
+            end if
             ! An exact double root has no residue of its own; a cluster holds it.
-            if (abs(vector%A) > 0 .and. .not. is_unresolved(assembly, vector, poles%s(k))) &
-               poles%residue(k) = pair_weight(poles%s(k))*vector%y(assembly%sensor) &
+            if (size_of_A > 0) poles%residue(k) = pair_weight(poles%s(k))*vector%y(assembly%sensor) &
                   *load_on(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
@@ -112,8 +117,12 @@ contains
          call set_accelerations(assembly, poles)
          return
       end if
-      call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
-         poles%cluster)
+      if (any(near)) then
+         call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
+            poles%cluster)
+      else
+         poles%cluster = [cluster_t ::]
+      end if
       if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: found a hose or a beam that is not held by the '// &
             'moving base, expected k_H > 0, or &end and supports that hold the beam')
@@ -122,6 +131,7 @@ contains
       if (assembly%feels_base .or. assembly%zeros > 0) &
          poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
+         if (.not. near(k)) cycle
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          if (is_unresolved(assembly, poles%vector(k), poles%s(k))) cycle
@@ -155,11 +165,17 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
       type(vector_t), intent(inout) :: vector
-      real(wp) :: share(assembly%n)
+      real(wp) :: share, largest
+      integer :: i, j
 
-      share = assembly%pencil%m*(real(vector%x)**2 + aimag(vector%x)**2)
-      if (.not. maxval(share) > 16*share(root%j)) return
-      root%j = maxloc(share, dim=1)
+      largest = -1
+      do i = 1, assembly%n
+         share = assembly%pencil%m(i)*(real(vector%x(i))**2 + aimag(vector%x(i))**2)
+         if (share > largest) j = i
+         largest = max(largest, share)
+      end do
+      if (.not. largest > 16*assembly%pencil%m(root%j)) return
+      root%j = j
       call find_vector(assembly, root, vector)
    end subroutine renormalize
 
@@ -258,17 +274,12 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
-      real(wp) :: load_rows(size(assembly%v, 1))
       integer :: i
 
       ! The load along the row of a spring is 0. In every other row, y is the motion.
-      load_on = 0
+      load_on = assembly%row_power(vector%form, vector%y)
       do i = 1, assembly%n
          load_on = load_on + assembly%load_remainder(i)*vector%x(i)
-      end do
-      call assembly%load_rows(vector%form, load_rows)
-      do i = 1, size(assembly%v, 1)
-         load_on = load_on + load_rows(i)*vector%y(i)
       end do
       if (assembly%feels_base) load_on = load_on &
          + (sum(assembly%velocity_load*vector%x) &
