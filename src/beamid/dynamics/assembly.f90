@@ -836,13 +836,31 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
       complex(wp), intent(out) :: q(:)
-      complex(wp) :: rows(size(y), size(y))
-      integer :: k
+      integer :: h, i
 
-      do k = 1, size(y)
-         rows(:, k) = self%compliance*y*w(k)
-      end do
-      call self%traces(form, x*z, rows, q)
+      associate (b => self%beam, A => self%compliance)
+         do i = 1, size(self%changing)
+            associate (k => self%changing(i), row => self%row(self%changing(i)))
+               q(i) = 0
+               if (row > 0) then
+                  q(i) = A(row)*y(row)*w(row)
+               else if (k == inertia) then
+                  q(i) = sum(x(:b)*z(:b))
+               else if (k == bending) then
+                  q(i) = sum(self%mu*x(:b)*z(:b))
+               else
+                  do h = 1, size(self%hose)
+                     if (.not. (k == hose(h) .or. k == stretch(h))) cycle
+                     associate (of => self%hose(h), u => self%hose(h)%point, &
+                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
+                        q(i) = hose_trace(of, k, h, form, x(o)*z(o), A(u)*y(u)*w(u), &
+                           A(u)*y(u)*w(v) + A(v)*y(v)*w(u))
+                     end associate
+                  end do
+               end if
+            end associate
+         end do
+      end associate
    end subroutine products
 
    !> Computes the trace of Op Z for each operator that depends on a parameter, where Z is Q**-1, or
@@ -871,35 +889,42 @@ contains
                   q(i) = sum(self%mu*diagonal(:b))
                else
                   do h = 1, size(self%hose)
-                     if (k == hose(h) .or. k == stretch(h)) q(i) = trace_of_hose(h, k)
+                     if (.not. (k == hose(h) .or. k == stretch(h))) cycle
+                     associate (of => self%hose(h), u => self%hose(h)%point, &
+                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
+                        q(i) = hose_trace(of, k, h, form, diagonal(o), T(u, u), T(u, v) + T(v, u))
+                     end associate
                   end do
                end if
             end associate
          end do
       end associate
-
-   contains
-
-      !> Returns the trace of an operator k of hose h.
-      pure complex(wp) function trace_of_hose(h, k) result(trace)
-         integer, intent(in) :: h, k
-         integer :: sign
-
-         trace = 0
-         associate (x => self%hose(h)%point, y => self%hose(h)%row)
-            if (y == 0) then
-               if (self%hose(h)%at_point == k) trace = T(x, x)
-               return
-            end if
-            trace = diagonal(self%hose(h)%oscillator)
-            ! With y, the spring couples hose and beam; with y - u(x_H), the mass moves by the sum.
-            sign = merge(1, -1, btest(form, h - 1))
-            if (k == merge(hose(h), stretch(h), sign > 0)) &
-               trace = trace + T(x, x) + sign*(T(x, y) + T(y, x))
-         end associate
-      end function trace_of_hose
-
    end subroutine traces
+
+   !> Returns the trace of an operator of a hose.
+   !>
+   !> of        the hose
+   !> k, h      operator and number of the hose
+   !> form      from `form_at`
+   !> own       diagonal of Z at its oscillator
+   !> at_point  diagonal of A**-1 V'Z V at the row of its point
+   !> between   sum of both entries between this row and that of the hose
+   pure complex(wp) function hose_trace(of, k, h, form, own, at_point, between) result(trace)
+      type(hose_row_t), intent(in) :: of
+      integer, intent(in) :: k, h, form
+      complex(wp), intent(in) :: own, at_point, between
+      integer :: sign
+
+      trace = 0
+      if (of%row == 0) then
+         if (of%at_point == k) trace = at_point
+         return
+      end if
+      trace = own
+      ! With y, the spring couples hose and beam; with y - u(x_H), the mass moves by the sum.
+      sign = merge(1, -1, btest(form, h - 1))
+      if (k == merge(hose(h), stretch(h), sign > 0)) trace = trace + at_point + sign*between
+   end function hose_trace
 
    !> Returns the factors of the rows of `change` in Q at a point.
    !>

@@ -43,6 +43,7 @@ module beamid_synthesis
       real(wp) :: force = 0, slope = 0   !< force at its beginning and its slope [force, force/time]
       integer :: row = 0                    !< index of the sample time at its end; 0: none
       logical :: same = .false.             !< as long as the step before
+      logical :: is_free = .true.           !< no force acts
    end type step_t
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
@@ -78,7 +79,7 @@ contains
          last = min(first + block_size - 1, size(times))
          call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
-            motion(first:last, :, q) = matmul(x(:last - first + 1, :), weights(:, :, q))
+            call combine(x, weights(:, :, q), motion(first:last, :, q))
          end do
       end do
       if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
@@ -91,6 +92,36 @@ contains
          end associate
       end do
    end subroutine synthesize
+
+   !> Computes the products of the states with weights, four columns at once.
+   !>
+   !> x        (times or more, columns) states
+   !> weights  (columns, :)
+   !> motion   (times, :)
+   pure subroutine combine(x, weights, motion)
+      real(wp), intent(in), contiguous :: x(:, :), weights(:, :)
+      real(wp), intent(inout) :: motion(:, :)
+      real(wp) :: sums(block_size), w(4)
+      integer :: c, i, p, times
+
+      times = size(motion, 1)
+      do p = 1, size(motion, 2)
+         sums(:times) = 0
+         do c = 1, size(x, 2) - 3, 4
+            w = weights(c:c + 3, p)
+            if (all(abs(w) <= 0)) cycle
+            !$omp simd
+            do i = 1, times
+               sums(i) = sums(i) + (w(1)*x(i, c) + w(2)*x(i, c + 1)) &
+                  + (w(3)*x(i, c + 2) + w(4)*x(i, c + 3))
+            end do
+         end do
+         do c = size(x, 2) - modulo(size(x, 2), 4) + 1, size(x, 2)
+            sums(:times) = sums(:times) + weights(c, p)*x(:times, c)
+         end do
+         motion(:, p) = sums(:times)
+      end do
+   end subroutine combine
 
    !> Returns the decay rate above which the state of a pole is quasi-static at all samples [1/time].
    pure real(wp) function slowest_unseen(excitation, times) result(rate)
@@ -357,6 +388,7 @@ contains
                by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
                by%force = f(node) + by%slope*(self%t - t(node))
             end if
+            by%is_free = .not. abs(by%force) + abs(by%slope) > 0
          end associate
          self%t = finish
       end subroutine add_step
@@ -402,7 +434,7 @@ contains
             end if
             if (present(y)) y_now = growth*(y_now + h*z_now)
             z_now = growth*z_now
-            if (abs(by%force) + abs(by%slope) > 0) then
+            if (.not. by%is_free) then
                if (.not. known) phi = phi_functions(s*h, growth)
                known = .true.
                z_now = z_now + h*(by%force*phi(1) + by%slope*h*phi(2))
