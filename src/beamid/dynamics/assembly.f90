@@ -234,7 +234,7 @@ contains
       logical, intent(out) :: done
       real(wp) :: strength(size(self%strength, 1), size(self%strength, 2))
       real(wp) :: slopes(size(strength, 1), size(strength, 2), size(parameters))
-      integer :: condition, k
+      integer :: condition, k, matrix
 
       done = .false.
       associate (old => self%structure)
@@ -259,10 +259,16 @@ contains
          end do
       end associate
       call strengths_and_slopes(structure, modes%space%length, parameters, strength, slopes)
-      do k = 1, size(strength, 1)
-         if (any((abs(strength(k, :)) > 0) .neqv. (abs(self%strength(k, :)) > 0))) return
-         if (any(abs(slopes(k, :, :)) > 0) .neqv. self%has_slope(k)) return
+      do matrix = 1, size(strength, 2)
+         do k = 1, size(strength, 1)
+            if ((abs(strength(k, matrix)) > 0) .neqv. (abs(self%strength(k, matrix)) > 0)) return
+         end do
       end do
+      if (size(parameters) > 0) then
+         do k = 1, size(strength, 1)
+            if (any(abs(slopes(k, :, :)) > 0) .neqv. self%has_slope(k)) return
+         end do
+      end if
       done = .true.
       self%structure = structure
       self%strength = strength

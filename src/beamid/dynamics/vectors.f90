@@ -158,7 +158,7 @@ contains
          end if
          do l = 1, r
             do k = 1, l
-               G(k, l) = sum(self%vv(:, k + l*(l - 1)/2)*vector%inverse)
+               G(k, l) = weighted_sum(self%n, self%vv(:, k + l*(l - 1)/2), vector%inverse)
                G(l, k) = G(k, l)
             end do
             vector%y(l) = v(l, root%j)
@@ -193,6 +193,24 @@ contains
          end do
       end associate
    end subroutine find_vector
+
+   !> Returns the sum of n complex numbers with real weights.
+   pure complex(wp) function weighted_sum(n, weight, values)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: weight(n)
+      complex(wp), intent(in) :: values(n)
+      real(wp) :: re, im
+      integer :: i
+
+      ! A product of a real and a complex number would be one of two complex numbers.
+      re = 0
+      im = 0
+      do i = 1, n
+         re = re + weight(i)*real(values(i))
+         im = im + weight(i)*aimag(values(i))
+      end do
+      weighted_sum = cmplx(re, im, wp)
+   end function weighted_sum
 
    !> Allocates the arrays of a vector for n oscillators and r rows, unless they have these shapes.
    pure subroutine allocate_vector(n, r, vector)
@@ -312,11 +330,13 @@ contains
       do i = 1, n
          left = (origin - pole(i, 1)) + root%offset
          right = (origin - pole(i, 2)) + root%offset
-         D(i) = m(i)*(left*right)
-         dD(i) = m(i)*(left + right)
-         square = real(D(i))**2 + aimag(D(i))**2
+         dD(i) = cmplx(m(i)*real(left + right), m(i)*aimag(left + right), wp)
+         left = left*right
+         left = cmplx(m(i)*real(left), m(i)*aimag(left), wp)
+         D(i) = left
+         square = real(left)**2 + aimag(left)**2
          inverse(i) = 0
-         if (square > 0) inverse(i) = conjg(D(i))/square
+         if (square > 0) inverse(i) = cmplx(real(left)/square, -aimag(left)/square, wp)
       end do
       inverse(root%j) = 0
    end subroutine quadratic_denominators
@@ -333,15 +353,17 @@ contains
       real(wp), intent(in) :: vt(n, r)
       complex(wp), intent(in) :: f(r), inverse(n)
       complex(wp), intent(inout) :: x(n)
-      complex(wp) :: force
+      real(wp) :: re, im
       integer :: i, k
 
       do i = 1, n
-         force = 0
+         re = 0
+         im = 0
          do k = 1, r
-            force = force + vt(i, k)*f(k)
+            re = re + vt(i, k)*real(f(k))
+            im = im + vt(i, k)*aimag(f(k))
          end do
-         x(i) = x(i) - force*inverse(i)
+         x(i) = x(i) - cmplx(re, im, wp)*inverse(i)
       end do
    end subroutine add_response
 

@@ -125,13 +125,18 @@ contains
       real(wp), intent(in) :: draws(:, :)
       real(wp) :: scores(size(draws, 1), size(draws, 2))
       real(wp) :: sorted(size(draws)), rank
-      integer :: i, j
+      integer :: below, i, j, up_to
 
       sorted = reshape(draws, [size(draws)])
       call sort(sorted)
       do j = 1, size(draws, 2)
          do i = 1, size(draws, 1)
-            rank = (count_below(draws(i, j), .false.) + count_below(draws(i, j), .true.) + 1)/2.0_wp
+            below = count_below(draws(i, j), .false.)
+            ! Most draws have no equal.
+            up_to = below + 1
+            if (.not. sorted(min(below + 2, size(sorted))) > draws(i, j)) &
+               up_to = count_below(draws(i, j), .true.)
+            rank = (below + up_to + 1)/2.0_wp
             scores(i, j) = normal_quantile((rank - 0.375_wp)/(size(sorted) + 0.25_wp))
          end do
       end do

@@ -339,6 +339,7 @@ contains
          row = transfer(self%beam_values_t, row)
       end select
       q = row%q
+      if (kind > 0) q(n_of(kind) + 1:) = 0
    end function values_in
 
    !> Returns the value of parameter k as it is stored.
@@ -446,9 +447,17 @@ contains
    pure logical function same_structure(a, b)
       type(structure_t), intent(in) :: a, b
 
-      same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
-         all([a%supports - b%supports, a%masses - b%masses, a%observer - b%observer] == 0) .and. &
-         (a%stands .eqv. b%stands)
+      integer :: item, kind
+
+      same_structure = all([a%supports - b%supports, a%masses - b%masses, a%observer &
+         - b%observer] == 0) .and. (a%stands .eqv. b%stands) .and. &
+         all(abs(values_in(a, 0, 1) - values_in(b, 0, 1)) <= 0)
+      do item = 1, max(a%items(), b%items())
+         do kind = 1, size(n_of)
+            if (same_structure) same_structure = all(abs(values_in(a, kind, item) &
+               - values_in(b, kind, item)) <= 0)
+         end do
+      end do
       if (same_structure) same_structure = &
          all(same_values(a%variations%along, b%variations%along))
    end function same_structure
