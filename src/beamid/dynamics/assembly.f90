@@ -1332,14 +1332,16 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: s
       complex(wp), intent(out) :: H(:, :), dH(:, :)
-      complex(wp) :: value, slope
+      complex(wp) :: value, slope, square
       integer :: i, k, l
 
+      square = s*s
       associate (p => self%pencil)
          do l = 1, size(H, 2)
             do k = 1, size(H, 1)
-               H(k, l) = (p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)
-               dH(k, l) = 2*p%hm(k, l)*s + p%hc(k, l)
+               H(k, l) = cmplx((p%hm(k, l)*real(square) + p%hc(k, l)*real(s)) + p%hk(k, l), &
+                  p%hm(k, l)*aimag(square) + p%hc(k, l)*aimag(s), wp)
+               dH(k, l) = cmplx(2*p%hm(k, l)*real(s) + p%hc(k, l), 2*p%hm(k, l)*aimag(s), wp)
             end do
          end do
       end associate

@@ -417,13 +417,20 @@ contains
       real(wp), intent(inout), contiguous :: x(:), x_imag(:)
       real(wp), intent(inout), optional :: y(2)
       real(wp), intent(inout), optional, contiguous :: w(:), w_imag(:)
-      complex(wp) :: z_now, y_now, growth, phi(4)
-      logical :: known
+      complex(wp) :: growth, z_now, y_now, phi(4)
+      real(wp) :: re, im, z_re, z_im, y_re, y_im
+      logical :: known, with_slope
       integer :: j
 
-      z_now = cmplx(z(1), z(2), wp)
-      y_now = 0
-      if (present(y)) y_now = cmplx(y(1), y(2), wp)
+      with_slope = present(y)
+      z_re = z(1)
+      z_im = z(2)
+      y_re = 0
+      y_im = 0
+      if (with_slope) then
+         y_re = y(1)
+         y_im = y(2)
+      end if
       growth = 1
       known = .false.
       do j = 1, size(steps)
@@ -432,24 +439,35 @@ contains
                growth = exp(s*h)
                known = .false.
             end if
-            if (present(y)) y_now = growth*(y_now + h*z_now)
-            z_now = growth*z_now
+            if (with_slope) then
+               re = y_re + h*z_re
+               im = y_im + h*z_im
+               y_re = real(growth)*re - aimag(growth)*im
+               y_im = real(growth)*im + aimag(growth)*re
+            end if
+            re = real(growth)*z_re - aimag(growth)*z_im
+            z_im = real(growth)*z_im + aimag(growth)*z_re
+            z_re = re
             if (.not. by%is_free) then
                if (.not. known) phi = phi_functions(s*h, growth)
                known = .true.
-               z_now = z_now + h*(by%force*phi(1) + by%slope*h*phi(2))
-               if (present(y)) y_now = y_now + h**2*(by%force*phi(3) + by%slope*h*phi(4))
+               z_now = h*(by%force*phi(1) + by%slope*h*phi(2))
+               y_now = h**2*(by%force*phi(3) + by%slope*h*phi(4))
+               z_re = z_re + real(z_now)
+               z_im = z_im + aimag(z_now)
+               y_re = y_re + real(y_now)
+               y_im = y_im + aimag(y_now)
             end if
             if (by%row == 0) cycle
-            x(by%row) = real(z_now)
-            x_imag(by%row) = aimag(z_now)
-            if (.not. present(y)) cycle
-            w(by%row) = real(y_now)
-            w_imag(by%row) = aimag(y_now)
+            x(by%row) = z_re
+            x_imag(by%row) = z_im
+            if (.not. with_slope) cycle
+            w(by%row) = y_re
+            w_imag(by%row) = y_im
          end associate
       end do
-      z = [real(z_now), aimag(z_now)]
-      if (present(y)) y = [real(y_now), aimag(y_now)]
+      z = [z_re, z_im]
+      if (with_slope) y = [y_re, y_im]
    end subroutine march
 
    !> Returns phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 -

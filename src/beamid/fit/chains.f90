@@ -124,9 +124,10 @@ contains
    function normal_scores(draws) result(scores)
       real(wp), intent(in) :: draws(:, :)
       real(wp) :: scores(size(draws, 1), size(draws, 2))
-      real(wp) :: sorted(size(draws)), rank
-      integer :: below, i, j, up_to
+      real(wp) :: sorted(size(draws)), known(size(draws))
+      integer :: below, i, j, k, up_to
 
+      known = 0
       sorted = reshape(draws, [size(draws)])
       call sort(sorted)
       do j = 1, size(draws, 2)
@@ -136,8 +137,11 @@ contains
             up_to = below + 1
             if (.not. sorted(min(below + 2, size(sorted))) > draws(i, j)) &
                up_to = count_below(draws(i, j), .true.)
-            rank = (below + up_to + 1)/2.0_wp
-            scores(i, j) = normal_quantile((rank - 0.375_wp)/(size(sorted) + 0.25_wp))
+            ! The scores are symmetric: half of them are known.
+            k = min(below + up_to, 2*size(sorted) - below - up_to)
+            if (.not. known(k) < 0) known(k) = normal_quantile(((k + 1)/2.0_wp - 0.375_wp) &
+               /(size(sorted) + 0.25_wp))
+            scores(i, j) = sign(known(k), below + up_to - real(size(sorted), wp))
          end do
       end do
 
