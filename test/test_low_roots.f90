@@ -143,8 +143,8 @@ contains
       end do
       call check_close('motions', worst(1), 0.0_wp, 1e-9_wp)
       call check_close('motions: derivatives', worst(2), 0.0_wp, 1e-8_wp)
-      ! The sum over all poles of the derivative by c_D cancels near -E/c_D: it changes by 1e-7 where
-      ! the times of other samples do.
+      ! The sum over all poles of the derivative by c_D cancels near -E/c_D: it changes by up to
+      ! 1e-7 if the poles are found from another start.
       call check_close('motions: derivatives of the acceleration', worst(3), 0.0_wp, 1e-6_wp)
    end subroutine test_motions
 

@@ -215,8 +215,8 @@ contains
       if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) conjugate_of%side = 3 - root%side
    end function conjugate_of
 
-   !> Makes the list of all roots, in the order of `find_roots`: one of each complex pair and of every two
-   !> real roots in the first half, the other one in the second half.
+   !> Makes the list of all roots, in the order of `find_roots`: one of each complex pair and of
+   !> every two real roots in the first half, the other one in the second half.
    !>
    !> half  one of each complex pair and all real roots
    !> all   in: an array to be reused; out: all roots

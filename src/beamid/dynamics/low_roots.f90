@@ -54,12 +54,16 @@ contains
       logical, intent(out) :: found
       real(wp) :: ratio, springs, least, radius
       logical, allocatable :: known(:)
-      integer :: k, n
+      integer :: h, k, n
 
       found = .false.
       if (assembly%is_dense() .or. assembly%is_bare() .or. assembly%feels_base .or. &
          assembly%relaxation%n > 0 .or. assembly%zeros > 0) return
       if (any(assembly%pencil%l > 0)) return
+      do h = 1, size(assembly%hose)
+         ! A hose that is held by its dashpot alone has a root 0.
+         if (assembly%hose(h)%row > 0 .and. .not. assembly%structure%hose(h)%k_H > 0) return
+      end do
       ! ratio: c_D/E
       ratio = assembly%strength(bending, of_damping)/assembly%strength(bending, of_stiffness)
       if (rate > 0 .and. .not. ratio > 0) return

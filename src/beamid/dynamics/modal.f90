@@ -18,12 +18,13 @@ module beamid_modal
    use beamid_pole_derivatives, only: differentiate_poles, differentiate_root
    use beamid_pole_search, only: few_oscillators, find_poles
    use beamid_poles, only: find_residues, poles_t
+   use beamid_quasi_static, only: slowest_unseen
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_splines, only: same_space
    use beamid_strings, only: to_text
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load, check_causal
-   use beamid_synthesis, only: slowest_unseen, synthesize
+   use beamid_synthesis, only: synthesize
    use beamid_terms, only: bending, of_stiffness, tilting
    use beamid_transfer_lines, only: transfer_along
    use beamid_vectors, only: root_t

@@ -87,8 +87,8 @@ contains
       rows = size(assembly%v, 1)
       associate (x => vector%x, y => vector%y, f => vector%f, s => root%s, &
          form => vector%form, z => of_oscillators(:, 1), dQx => of_oscillators(:, 2), &
-         xx => of_operators(:, 1), xz => of_operators(:, 2), w => of_rows(:, 1), mu => of_rows(:, 2), dHy => of_rows(:, 3), &
-         shift => of_rows(:, 4))
+         xx => of_operators(:, 1), xz => of_operators(:, 2), w => of_rows(:, 1), &
+         mu => of_rows(:, 2), dHy => of_rows(:, 3), shift => of_rows(:, 4))
          driven = load_on(assembly, vector, s)
          observed = y(assembly%sensor)/vector%A
          r = observed*driven/vector%A

@@ -32,8 +32,8 @@ module beamid_poles
       !> is Re(sum r e**(s t)). 0 if the root belongs to a cluster.
       complex(wp), allocatable :: residue(:)
       type(cluster_t), allocatable :: cluster(:)  !< groups of roots that nearly coincide
-      !> All roots with Re s >= -rate are there, and so many of the lowest that oscillate. The motion
-      !> by the others is quasi-static.
+      !> All roots with Re s >= -rate are there, and so many of the lowest that oscillate; others
+      !> may be missing.
       real(wp) :: rate = huge(1.0_wp)
       integer :: modes = huge(1)
       !> (2, 0:parameters) transfer function and its derivative with respect to s, at s = 0
@@ -107,8 +107,8 @@ contains
                end if
             end if
             ! An exact double root has no residue of its own; a cluster holds it.
-            if (size_of_A > 0) poles%residue(k) = pair_weight(poles%s(k))*vector%y(assembly%sensor) &
-                  *load_on(assembly, vector, poles%s(k))/vector%A
+            if (size_of_A > 0) poles%residue(k) = pair_weight(poles%s(k)) &
+               *vector%y(assembly%sensor)*load_on(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       if (.not. poles%has_all()) then

@@ -5,11 +5,6 @@
 !> of the sensor are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o'M**-1 F, with the
 !> residues r. A cluster of poles has states of its own, with rows in place of residues.
 !>
-!> Poles that have decayed between each node of the force and the next sample may be left out:
-!> there, z is -f/s - f'/s**2. What they contribute follows from the sums of r s**k over all poles:
-!> h(0) and h'(0) of the transfer function, with the opposite sign, for k = -1 and -2, and 0 and
-!> o'M**-1 F for k = 0 and 1.
-!>
 !> The real and imaginary parts of all states at many times are the columns of a matrix. Each motion
 !> and each derivative is this matrix times a vector of weights.
 module beamid_synthesis
@@ -17,11 +12,13 @@ module beamid_synthesis
    use beamid_excitation, only: excitation_t
    use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
+   use beamid_matrices, only: multiply_long
    use beamid_poles, only: poles_t
+   use beamid_quasi_static, only: add_quasi_static, round_off
    implicit none
    private
 
-   public :: synthesize, slowest_unseen, at_rest, states_t
+   public :: synthesize, at_rest, states_t
 
    !> The states of all poles and clusters at one time.
    type :: states_t
@@ -48,8 +45,6 @@ module beamid_synthesis
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
    integer, parameter :: block_size = 500
-   !> Decay of what is not seen, as a logarithm; e**-40 is 4e-18.
-   real(wp), parameter :: unseen = 40
 
 contains
 
@@ -79,7 +74,7 @@ contains
          last = min(first + block_size - 1, size(times))
          call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
-            call combine(x, weights(:, :, q), motion(first:last, :, q))
+            call multiply_long(x, weights(:, :, q), motion(first:last, :, q))
          end do
       end do
       if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
@@ -92,112 +87,6 @@ contains
          end associate
       end do
    end subroutine synthesize
-
-   !> Computes the products of the states with weights, four columns at once.
-   !>
-   !> x        (times or more, columns) states
-   !> weights  (columns, :)
-   !> motion   (times, :)
-   pure subroutine combine(x, weights, motion)
-      real(wp), intent(in), contiguous :: x(:, :), weights(:, :)
-      real(wp), intent(inout) :: motion(:, :)
-      real(wp) :: sums(block_size), w(4)
-      integer :: c, i, p, times
-
-      times = size(motion, 1)
-      do p = 1, size(motion, 2)
-         sums(:times) = 0
-         do c = 1, size(x, 2) - 3, 4
-            w = weights(c:c + 3, p)
-            if (all(abs(w) <= 0)) cycle
-            !$omp simd
-            do i = 1, times
-               sums(i) = sums(i) + (w(1)*x(i, c) + w(2)*x(i, c + 1)) &
-                  + (w(3)*x(i, c + 2) + w(4)*x(i, c + 3))
-            end do
-         end do
-         do c = size(x, 2) - modulo(size(x, 2), 4) + 1, size(x, 2)
-            sums(:times) = sums(:times) + weights(c, p)*x(:times, c)
-         end do
-         motion(:, p) = sums(:times)
-      end do
-   end subroutine combine
-
-   !> Returns the decay rate above which the state of a pole is quasi-static at all samples [1/time].
-   pure real(wp) function slowest_unseen(excitation, times) result(rate)
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)   !< ascending [time]
-      real(wp) :: f(2), since
-      integer :: k, node
-
-      rate = 0
-      node = 0
-      do k = 1, size(times)
-         call before(excitation, times(k), node, f, since)
-         rate = max(rate, unseen/since)
-      end do
-   end function slowest_unseen
-
-   !> Computes the force just before a time, and how long it has had no node.
-   !>
-   !> node   in and out: last node before t, 0 if there is none; in: that of an earlier time
-   !> f      force [force] and its slope [force/time]
-   !> since  time since the node; `huge` if there is none
-   pure subroutine before(excitation, t, node, f, since)
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: t
-      integer, intent(inout) :: node
-      real(wp), intent(out) :: f(2), since
-
-      f = 0
-      since = huge(since)
-      associate (nodes => excitation%t, force => excitation%f)
-         do while (node < size(nodes))
-            if (nodes(node + 1) >= t - round_off(t)) exit
-            node = node + 1
-         end do
-         if (node == 0) return
-         since = t - nodes(node)
-         if (node == size(nodes)) return
-         f(2) = (force(node + 1) - force(node))/(nodes(node + 1) - nodes(node))
-         f(1) = force(node) + f(2)*since
-      end associate
-   end subroutine before
-
-   !> Adds the motion by the poles that have been left out. Arguments as of `synthesize`.
-   subroutine add_quasi_static(poles, excitation, times, which, motion)
-      type(poles_t), intent(in) :: poles
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
-      integer, intent(in) :: which(:)
-      real(wp), intent(inout) :: motion(:, 0:, :)
-      real(wp) :: rest(-2:1, 0:ubound(motion, 2)), f(2), since
-      integer :: k, n, node, p, q
-
-      ! The sums of r s**k over the poles that are there, less those over all poles.
-      n = ubound(motion, 2)
-      rest(-2, :) = poles%static(2, :n)
-      rest(-1, :) = poles%static(1, :n)
-      rest(0, :) = 0
-      rest(1, :) = -[poles%impulse, poles%dimpulse(:n)]
-      associate (r => poles%residue, s => poles%s)
-         do k = -2, 1
-            rest(k, 0) = rest(k, 0) + sum(real(r*s**k))
-            do p = 1, n
-               rest(k, p) = rest(k, p) + sum(real((poles%dr(:, p) + k*r*poles%ds(:, p)/s)*s**k))
-            end do
-         end do
-      end associate
-      node = 0
-      do k = 1, size(times)
-         call before(excitation, times(k), node, f, since)
-         if (.not. any(abs(f) > 0)) cycle
-         do q = 1, size(which)
-            motion(k, :, q) = motion(k, :, q) + f(1)*rest(which(q) - 2, :) &
-               + f(2)*rest(which(q) - 3, :)
-         end do
-      end do
-   end subroutine add_quasi_static
 
    !> Returns the weights by which the columns of states are multiplied.
    !>
@@ -373,35 +262,29 @@ contains
       !> Adds the step from the time of the states to `finish` [time].
       subroutine add_step(finish)
          real(wp), intent(in) :: finish
+         type(step_t) :: by
 
-         n = n + 1
-         associate (by => steps(n), t => excitation%t, f => excitation%f, node => self%node)
-            ! On a uniform grid all steps have the same length, and the exponentials are used again.
-            ! The round-off that a step neglects is added to the next, so that it does not
-            ! accumulate.
-            self%behind = self%behind + (finish - self%t)
-            by%length = max(0.0_wp, self%behind)
-            if (n > 1) by%same = abs(by%length - steps(n - 1)%length) <= round_off(finish)
-            if (by%same) by%length = steps(n - 1)%length
-            self%behind = self%behind - by%length
+         ! On a uniform grid all steps have the same length, and the exponentials are used again.
+         ! The round-off that a step neglects is added to the next, so that it does not
+         ! accumulate.
+         self%behind = self%behind + (finish - self%t)
+         by = step_t(length=max(0.0_wp, self%behind))
+         if (n > 0) by%same = abs(by%length - steps(n)%length) <= round_off(finish)
+         if (by%same) by%length = steps(n)%length
+         self%behind = self%behind - by%length
+         associate (t => excitation%t, f => excitation%f, node => self%node)
             if (node < size(t)) then
                by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
                by%force = f(node) + by%slope*(self%t - t(node))
+               by%is_free = .not. abs(by%force) + abs(by%slope) > 0
             end if
-            by%is_free = .not. abs(by%force) + abs(by%slope) > 0
          end associate
+         n = n + 1
+         steps(n) = by
          self%t = finish
       end subroutine add_step
 
    end subroutine plan
-
-   !> Returns the difference below which two times near t are equal, four units in the last place
-   !> [time].
-   pure real(wp) function round_off(t)
-      real(wp), intent(in) :: t
-
-      round_off = 4*epsilon(t)*abs(t)
-   end function round_off
 
    !> Advances the state of one pole through all steps: z' = s z + f and, if wanted, y' = s y + z.
    !>
