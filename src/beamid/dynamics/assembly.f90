@@ -135,6 +135,8 @@ module beamid_assembly
       real(wp), allocatable :: change(:, :, :)
       !> (changing, parameters) whether any of these slopes is not 0
       logical, allocatable :: acts(:, :)
+      !> (operators) whether a coefficient has a slope that is not 0
+      logical, allocatable, private :: has_slope(:)
       !> (beam) eigenvalues of the bare beam's modes: bending integral per unit inertia integral
       !> [1/length**4]
       real(wp), allocatable :: mu(:)
@@ -150,8 +152,9 @@ module beamid_assembly
       !> row of the slope at the sensor; 0: the sensor does not read gravity
       integer :: tilt_row = 0
    contains
+      procedure :: renew
       procedure :: is_dense, form_at, distance_from_accumulation, is_bare, is_undamped, roots, &
-         load_at, load_rows, couplings, coupling, mass_couplings, products
+         load_at, load_rows, row_power, couplings, coupling, mass_couplings, products
       procedure :: set_loss, traces, system_derivative, system_derivative_by_s, dense_products, &
          dense_at, dense_slope_at, second_derivative, full_matrices, load_change, relaxes
    end type assembly_t
@@ -197,6 +200,7 @@ contains
          end do
       end do
       used = magnitude > 0
+      self%has_slope = used
       do matrix = 1, size(slopes, 2)
          magnitude = magnitude + abs(self%strength(:, matrix))
       end do
@@ -206,18 +210,86 @@ contains
       end do
       call set_rows(self, modes, needed)
       self%mu = modes%mu
-      self%pencil = new_pencil(self, modes)
       used(bending) = used(bending) .or. any([(any(parameters == of_b(i)), i=1, size(of_b))])
       used = used .and. (operators(:size(used))%derivative < 0 .or. self%row > 0)
       self%changing = pack([(i, i=1, size(used))], used)
-      call set_change(self, slopes)
       call set_load(self, modes, slopes, applied)
       call set_relaxations(self)
+      call set_values(self, modes, slopes)
+      call set_dense(self, modes, slopes, whole)
+   end function new_assembly
+
+   !> Changes an assembly to that of another structure, if they differ in the values of coefficients
+   !> alone: the oscillators, V and the load are the same. The load must not be that of a base.
+   !>
+   !> structure   beam and attachments
+   !> modes       modes of the bare beam, as before
+   !> parameters  numbers of the parameters of the slopes
+   !> done        .false.: something else differs; the assembly is unchanged
+   subroutine renew(self, structure, modes, parameters, done)
+      class(assembly_t), intent(inout) :: self
+      type(structure_t), intent(in) :: structure
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: parameters(:)
+      logical, intent(out) :: done
+      real(wp) :: strength(size(self%strength, 1), size(self%strength, 2))
+      real(wp) :: slopes(size(strength, 1), size(strength, 2), size(parameters))
+      integer :: condition, k, matrix
+
+      done = .false.
+      associate (old => self%structure)
+         if (self%is_dense() .or. self%relaxation%n > 0 .or. structure%has_fields() .or. &
+            size(parameters) /= size(self%parameters) .or. abs(structure%length - old%length) > 0 &
+            .or. any([structure%sensors - old%sensors, structure%supports - old%supports, &
+            structure%masses - old%masses, structure%hoses - old%hoses, structure%observer &
+            - old%observer] /= 0)) return
+         if (any(parameters /= self%parameters) .or. any(structure%yields .neqv. old%yields)) return
+         do condition = 1, 2
+            do k = 1, 2
+               if (structure%has_end_spring(condition, k) .neqv. old%has_end_spring(condition, k)) &
+                  return
+            end do
+            do k = 1, structure%supports
+               if (structure%has_spring(k, condition) .neqv. old%has_spring(k, condition)) return
+            end do
+         end do
+         do k = 1, size(self%row)
+            if (operators(k)%place == 0 .or. self%row(k) == 0 .and. k /= force_value) cycle
+            if (abs(structure%get(operators(k)%place) - old%get(operators(k)%place)) > 0) return
+         end do
+      end associate
+      call strengths_and_slopes(structure, modes%space%length, parameters, strength, slopes)
+      do matrix = 1, size(strength, 2)
+         do k = 1, size(strength, 1)
+            if ((abs(strength(k, matrix)) > 0) .neqv. (abs(self%strength(k, matrix)) > 0)) return
+         end do
+      end do
+      if (size(parameters) > 0) then
+         do k = 1, size(strength, 1)
+            if (any(abs(slopes(k, :, :)) > 0) .neqv. self%has_slope(k)) return
+         end do
+      end if
+      done = .true.
+      self%structure = structure
+      self%strength = strength
+      self%rates = [structure%b_1, structure%b_2]
+      call set_values(self, modes, slopes)
+   end subroutine renew
+
+   !> Sets what the coefficients determine: D and H, the poles, the springs and the slopes.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   subroutine set_values(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+
+      call set_pencil(self, modes)
+      call set_change(self, slopes)
       call set_poles(self)
       call set_springs(self, modes, slopes)
       self%acts = any(abs(self%change) > 0, dim=1)
-      call set_dense(self, modes, slopes, whole)
-   end function new_assembly
+   end subroutine set_values
 
    !> Sets the slopes of the coefficients of the operators in `changing`.
    !>
@@ -227,7 +299,9 @@ contains
       real(wp), intent(in) :: slopes(:, :, :)
       integer :: i, l, p
 
-      allocate (self%change(changes, size(self%changing), size(self%parameters)), source=0.0_wp)
+      if (.not. allocated(self%change)) allocate (self%change(changes, size(self%changing), &
+         size(self%parameters)))
+      self%change = 0
       i = findloc(self%changing, bending, dim=1)
       do p = 1, size(self%parameters)
          self%change(:of_relaxation(2), :, p) = transpose(slopes(self%changing, &
@@ -433,9 +507,12 @@ contains
       real(wp) :: unit, flexibility
       integer :: i, k
 
-      allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
-      allocate (self%compliance_slope(size(self%v, 1), size(self%parameters)), source=0.0_wp)
-      allocate (self%rigid(size(self%v, 1)), source=.false.)
+      if (.not. allocated(self%rigid)) allocate (self%compliance(size(self%v, 1)), &
+         self%compliance_slope(size(self%v, 1), size(self%parameters)), &
+         self%rigid(size(self%v, 1)))
+      self%compliance = 1
+      self%compliance_slope = 0
+      self%rigid = .false.
       do k = 1, size(self%row)
          if (self%row(k) == 0 .or. .not. is_spring(k, self%structure)) cycle
          associate (row => self%row(k), l => modes%space%length, s => self%strength(k, :))
@@ -734,6 +811,25 @@ contains
       end do
    end subroutine load_rows
 
+   !> Returns y'F of the part of F that acts along the rows of V.
+   !>
+   !> form  in which y is given, from `form_at`
+   !> y     (r) motion of the rows
+   pure complex(wp) function row_power(self, form, y) result(power)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      complex(wp), intent(in) :: y(:)
+      integer :: h, i
+
+      power = 0
+      do i = 1, size(y)
+         power = power + self%row_load(i)*y(i)
+      end do
+      do h = 1, size(self%hose)
+         if (btest(form, h - 1)) power = power - self%hose_load(h)*y(self%hose(h)%point)
+      end do
+   end function row_power
+
    !> Computes z'Op x for each operator that depends on a parameter, where x and z are two motions.
    !> For a spring to the ground the product is A y w.
    !>
@@ -746,13 +842,31 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
       complex(wp), intent(out) :: q(:)
-      complex(wp) :: rows(size(y), size(y))
-      integer :: k
+      integer :: h, i
 
-      do k = 1, size(y)
-         rows(:, k) = self%compliance*y*w(k)
-      end do
-      call self%traces(form, x*z, rows, q)
+      associate (b => self%beam, A => self%compliance)
+         do i = 1, size(self%changing)
+            associate (k => self%changing(i), row => self%row(self%changing(i)))
+               q(i) = 0
+               if (row > 0) then
+                  q(i) = A(row)*y(row)*w(row)
+               else if (k == inertia) then
+                  q(i) = sum(x(:b)*z(:b))
+               else if (k == bending) then
+                  q(i) = sum(self%mu*x(:b)*z(:b))
+               else
+                  do h = 1, size(self%hose)
+                     if (.not. (k == hose(h) .or. k == stretch(h))) cycle
+                     associate (of => self%hose(h), u => self%hose(h)%point, &
+                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
+                        q(i) = hose_trace(of, k, h, form, x(o)*z(o), A(u)*y(u)*w(u), &
+                           A(u)*y(u)*w(v) + A(v)*y(v)*w(u))
+                     end associate
+                  end do
+               end if
+            end associate
+         end do
+      end associate
    end subroutine products
 
    !> Computes the trace of Op Z for each operator that depends on a parameter, where Z is Q**-1, or
@@ -781,35 +895,42 @@ contains
                   q(i) = sum(self%mu*diagonal(:b))
                else
                   do h = 1, size(self%hose)
-                     if (k == hose(h) .or. k == stretch(h)) q(i) = trace_of_hose(h, k)
+                     if (.not. (k == hose(h) .or. k == stretch(h))) cycle
+                     associate (of => self%hose(h), u => self%hose(h)%point, &
+                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
+                        q(i) = hose_trace(of, k, h, form, diagonal(o), T(u, u), T(u, v) + T(v, u))
+                     end associate
                   end do
                end if
             end associate
          end do
       end associate
-
-   contains
-
-      !> Returns the trace of an operator k of hose h.
-      pure complex(wp) function trace_of_hose(h, k) result(trace)
-         integer, intent(in) :: h, k
-         integer :: sign
-
-         trace = 0
-         associate (x => self%hose(h)%point, y => self%hose(h)%row)
-            if (y == 0) then
-               if (self%hose(h)%at_point == k) trace = T(x, x)
-               return
-            end if
-            trace = diagonal(self%hose(h)%oscillator)
-            ! With y, the spring couples hose and beam; with y - u(x_H), the mass moves by the sum.
-            sign = merge(1, -1, btest(form, h - 1))
-            if (k == merge(hose(h), stretch(h), sign > 0)) &
-               trace = trace + T(x, x) + sign*(T(x, y) + T(y, x))
-         end associate
-      end function trace_of_hose
-
    end subroutine traces
+
+   !> Returns the trace of an operator of a hose.
+   !>
+   !> of        the hose
+   !> k, h      operator and number of the hose
+   !> form      from `form_at`
+   !> own       diagonal of Z at its oscillator
+   !> at_point  diagonal of A**-1 V'Z V at the row of its point
+   !> between   sum of both entries between this row and that of the hose
+   pure complex(wp) function hose_trace(of, k, h, form, own, at_point, between) result(trace)
+      type(hose_row_t), intent(in) :: of
+      integer, intent(in) :: k, h, form
+      complex(wp), intent(in) :: own, at_point, between
+      integer :: sign
+
+      trace = 0
+      if (of%row == 0) then
+         if (of%at_point == k) trace = at_point
+         return
+      end if
+      trace = own
+      ! With y, the spring couples hose and beam; with y - u(x_H), the mass moves by the sum.
+      sign = merge(1, -1, btest(form, h - 1))
+      if (k == merge(hose(h), stretch(h), sign > 0)) trace = trace + at_point + sign*between
+   end function hose_trace
 
    !> Returns the factors of the rows of `change` in Q at a point.
    !>
@@ -1159,21 +1280,23 @@ contains
       end associate
    end subroutine relax_poles
 
-   !> Returns D, and H without the couplings of the hoses.
-   pure function new_pencil(self, modes) result(p)
-      type(assembly_t), intent(in) :: self
+   !> Sets D, and H without the couplings of the hoses.
+   subroutine set_pencil(self, modes)
+      type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
-      type(pencil_t) :: p
       integer :: r
 
       r = size(self%v, 1)
-      allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%hm(r, r), p%hc(r, r), p%hk(r, r))
-      allocate (p%l(self%n), source=0.0_wp)
-      p%l(:self%beam) = self%strength(bending, of_loss)*modes%mu
-      call sum_terms(self, modes, of_mass, p%m, p%hm)
-      call sum_terms(self, modes, of_damping, p%c, p%hc)
-      call sum_terms(self, modes, of_stiffness, p%k, p%hk)
-   end function new_pencil
+      associate (p => self%pencil)
+         if (.not. allocated(p%m)) allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%l(self%n), &
+            p%hm(r, r), p%hc(r, r), p%hk(r, r))
+         p%l = 0
+         p%l(:self%beam) = self%strength(bending, of_loss)*modes%mu
+         call sum_terms(self, modes, of_mass, p%m, p%hm)
+         call sum_terms(self, modes, of_damping, p%c, p%hc)
+         call sum_terms(self, modes, of_stiffness, p%k, p%hk)
+      end associate
+   end subroutine set_pencil
 
    !> Sums the terms of one matrix, without the couplings between hoses and beam.
    !>
@@ -1209,14 +1332,16 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: s
       complex(wp), intent(out) :: H(:, :), dH(:, :)
-      complex(wp) :: value, slope
+      complex(wp) :: value, slope, square
       integer :: i, k, l
 
+      square = s*s
       associate (p => self%pencil)
          do l = 1, size(H, 2)
             do k = 1, size(H, 1)
-               H(k, l) = (p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)
-               dH(k, l) = 2*p%hm(k, l)*s + p%hc(k, l)
+               H(k, l) = cmplx((p%hm(k, l)*real(square) + p%hc(k, l)*real(s)) + p%hk(k, l), &
+                  p%hm(k, l)*aimag(square) + p%hc(k, l)*aimag(s), wp)
+               dH(k, l) = cmplx(2*p%hm(k, l)*real(s) + p%hc(k, l), 2*p%hm(k, l)*aimag(s), wp)
             end do
          end do
       end associate

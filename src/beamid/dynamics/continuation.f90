@@ -8,6 +8,7 @@ module beamid_continuation
    use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_matrices, only: size_of
    use beamid_strings, only: to_text
    use beamid_systems, only: find_eigenvector, improve_root
    use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
@@ -97,14 +98,17 @@ contains
       logical, intent(out) :: followed
       complex(wp) :: step
       real(wp) :: length, before
-      logical :: is_real
+      logical :: is_real, is_undamped
       integer :: k, pass
 
       followed = .false.
       is_real = .not. abs(aimag(root%s)) > 0
-      if (assembly%is_undamped()) root%s = cmplx(0.0_wp, aimag(root%s), wp)
+      is_undamped = assembly%is_undamped()
+      if (is_undamped) root%s = cmplx(0.0_wp, aimag(root%s), wp)
       root%origin = 0
-      call nearest_pole(assembly, root)
+      ! An oscillator that took part in the motion of a similar structure still does.
+      call nearest_pole(assembly, root, keep_j=root%j > 0 .and. root%j <= assembly%n .and. &
+         .not. assembly%is_dense() .and. assembly%relaxation%n == 0)
       if (assembly%is_dense()) then
          call improve_root(assembly, root)
          call find_eigenvector(assembly, root, vector)
@@ -118,19 +122,19 @@ contains
          do k = 1, size(assembly%v, 1)
             step = step + assembly%v(k, root%j)*vector%f(k)
          end do
-         if (.not. abs(vector%A) > 0) return
+         if (.not. size_of(vector%A) > 0) return
          step = -step/vector%A
          if (is_real) step = real(step)
-         if (assembly%is_undamped()) step = cmplx(0.0_wp, aimag(step), wp)
-         length = abs(step)
+         if (is_undamped) step = cmplx(0.0_wp, aimag(step), wp)
+         length = size_of(step)
          if (.not. length < before/2) then
-            followed = before <= noise*abs(root%offset)
+            followed = before <= noise*size_of(root%offset)
             exit
          end if
          before = length
          root%offset = root%offset + step
          root%s = root%s + step
-         followed = length <= converged*abs(root%offset)
+         followed = length <= converged*size_of(root%offset)
          if (followed) exit
       end do
       followed = followed .and. abs(vector%A) > 2*least_A*abs(root%s)*vector%inertia
@@ -211,18 +215,22 @@ contains
       if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) conjugate_of%side = 3 - root%side
    end function conjugate_of
 
-   !> Returns all roots, in the order of `find_roots`: one of each complex pair and of every two
-   !> real roots in the first half, the other one in the second half.
+   !> Makes the list of all roots, in the order of `find_roots`: one of each complex pair and of
+   !> every two real roots in the first half, the other one in the second half.
    !>
    !> half  one of each complex pair and all real roots
-   pure function with_conjugates(assembly, half) result(all)
+   !> all   in: an array to be reused; out: all roots
+   pure subroutine with_conjugates(assembly, half, all)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: half(:)
-      type(root_t), allocatable :: all(:)
+      type(root_t), allocatable, intent(inout) :: all(:)
       integer :: k, n, pairs, reals
 
       n = assembly%roots()/2
-      allocate (all(2*n))
+      if (allocated(all)) then
+         if (size(all) /= 2*n) deallocate (all)
+      end if
+      if (.not. allocated(all)) allocate (all(2*n))
       pairs = 0
       reals = 2*n - size(half)       ! number of complex pairs; the real roots follow them
       do k = 1, size(half)
@@ -235,6 +243,6 @@ contains
             all(reals + merge(0, 2*n - size(half), reals <= n)) = half(k)
          end if
       end do
-   end function with_conjugates
+   end subroutine with_conjugates
 
 end module beamid_continuation

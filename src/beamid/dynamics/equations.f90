@@ -94,13 +94,13 @@ contains
 
       self%galerkin => galerkin
       self%structure = structure
-      self%strength = strengths(structure, galerkin%space%length)
       n = galerkin%space%n + count(structure%has_hose())
       self%n = n
       if (excitation%distributed) self%shape = galerkin%moments(excitation%power)
       if (present(matrices)) then
          if (.not. matrices) return
       end if
+      self%strength = strengths(structure, galerkin%space%length)
       call order_unknowns(self)
       self%factor = galerkin%known
       if (structure%has_fields()) then

@@ -16,8 +16,9 @@ module beamid_modal
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
    use beamid_pole_derivatives, only: differentiate_poles, differentiate_root
-   use beamid_pole_search, only: find_poles
+   use beamid_pole_search, only: few_oscillators, find_poles
    use beamid_poles, only: find_residues, poles_t
+   use beamid_quasi_static, only: slowest_unseen
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_splines, only: same_space
    use beamid_strings, only: to_text
@@ -40,20 +41,21 @@ module beamid_modal
       type(poles_t), private :: poles = poles_t()         !< poles of the last structure
       !> the same poles, observed at the slope of the sensor; only if there is gravity
       type(poles_t), private :: tilt_poles = poles_t()
-      !> the last structure; not allocated: `poles` is not valid
-      type(structure_t), allocatable, private :: structure
-      !> kind of load of `poles`: a distributed force, a base that moves
+      !> equations of the last structure
+      type(assembly_t), allocatable, private :: assembly
+      logical, private :: is_known = .false.   !< whether `poles` are those of `assembly`
+      !> kind of load of `assembly`: a distributed force, a base that moves
       logical, private :: distributed = .false., base = .false.
-      !> power of the distributed force of `poles`
+      !> power of the distributed force of `assembly`
       real(wp), private :: power = 0
-      !> (operators) rows of the assembly of `poles`
-      integer, allocatable, private :: rows(:)
       !> roots of `stay_here` and their derivatives, from which every search starts; not allocated:
       !> a search starts from those of the last structure
       type(root_t), allocatable, private :: first_root(:), first_all(:)
       complex(wp), allocatable, private :: first_ds(:, :)
       integer, allocatable, private :: first_parameters(:)
       real(wp), allocatable, private :: first_values(:)
+      real(wp), private :: first_rate = 0
+      integer, private :: first_modes = 0
    contains
       procedure :: prepare, motions, free_modes, lowest_roots, transfer, stay_here
       procedure, private :: solve, add_loss, assemble_checked
@@ -73,7 +75,8 @@ contains
       allocate (self%modes)
       call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
-      if (allocated(self%structure)) deallocate (self%structure)
+      if (allocated(self%assembly)) deallocate (self%assembly)
+      self%is_known = .false.
       if (allocated(self%first_root)) deallocate (self%first_root)
    end subroutine prepare
 
@@ -82,12 +85,14 @@ contains
    subroutine stay_here(self)
       class(modal_t), intent(inout) :: self
 
-      if (.not. allocated(self%structure) .or. .not. allocated(self%poles%values)) return
+      if (.not. self%is_known .or. .not. allocated(self%poles%values)) return
       self%first_root = self%poles%root
       self%first_all = self%poles%all
       self%first_ds = self%poles%ds
       self%first_parameters = self%poles%parameters
       self%first_values = self%poles%values
+      self%first_rate = self%poles%rate
+      self%first_modes = self%poles%modes
    end subroutine stay_here
 
    !> Computes motions of the sensor and their derivatives; arguments as in `beamid_responses`.
@@ -100,10 +105,14 @@ contains
       real(wp), intent(out) :: motion(:, 0:, :)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      real(wp) :: rate
       integer :: n
 
       call check_causal(equations%structure, parameters, error)
-      if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error)
+      rate = huge(rate)
+      if (equations%galerkin%space%n >= few_oscillators) rate = slowest_unseen(excitation, times)
+      if (.not. allocated(error)) call self%solve(equations, excitation, parameters, work, error, &
+         rate, 0)
       if (allocated(error)) return
       n = count(which /= of_tilt)
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
@@ -169,36 +178,107 @@ contains
    !> parameters  numbers of the parameters of the derivatives
    !> error       the solver is not prepared for this mesh, the beam buckles, or the search for the
    !>             roots fails
-   subroutine solve(self, equations, excitation, parameters, work, error)
+   !> rate        poles that decay faster may be left out [1/time]
+   !> modes       number of the lowest modes that are wanted besides
+   recursive subroutine solve(self, equations, excitation, parameters, work, error, rate, modes)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: parameters(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: assembly
+      real(wp), intent(in) :: rate
+      integer, intent(in) :: modes
       type(equations_t), allocatable :: elastic
+      integer, allocatable :: rows(:)
+      logical :: is_known, differentiated
+      integer :: sensor
 
       if (equations%structure%eta > 0) then
          elastic = equations
          elastic%structure%eta = 0
-         call self%assemble_checked(elastic, excitation, parameters, assembly, work, error)
-      else
-         call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
+         call self%solve(elastic, excitation, parameters, work, error, rate, modes)
+         return
       end if
+      call check_prepared(self, equations, work, error)
       if (allocated(error)) return
-      if (.not. has_poles_of(self, assembly%structure, excitation, assembly%row)) then
-         call update_poles(self, assembly%structure, excitation, assembly, error)
-         if (allocated(error)) return
-      else if (size(self%poles%parameters) == size(parameters)) then
-         ! If only the history of the force has changed, the derivatives remain valid.
-         if (all(self%poles%parameters == parameters)) return
+      is_known = self%is_known
+      if (is_known) is_known = has_load(self, excitation) .and. &
+         same_structure(self%assembly%structure, equations%structure)
+      differentiated = is_known
+      if (differentiated) differentiated = size(parameters) == size(self%assembly%parameters)
+      if (differentiated) differentiated = all(parameters == self%assembly%parameters)
+      if (.not. differentiated) then
+         if (allocated(self%assembly)) rows = self%assembly%row
+         call move_to(self, equations, excitation, parameters)
+         ! A parameter may add a row, which the poles are observed by.
+         if (is_known) is_known = all(self%assembly%row == rows)
       end if
-      call differentiate_poles(assembly, self%poles)
-      if (assembly%tilt_row == 0) return
-      assembly%sensor = assembly%tilt_row
-      call differentiate_poles(assembly, self%tilt_poles)
+      if (self%poles%rate < rate .or. self%poles%modes < modes .or. .not. is_known) then
+         call update_poles(self, rate, modes, error)
+         if (allocated(error)) return
+      else if (differentiated) then
+         ! If only the history of the force has changed, the derivatives remain valid.
+         return
+      end if
+      self%is_known = .true.
+      associate (assembly => self%assembly)
+         call differentiate_poles(assembly, self%poles)
+         call set_static(assembly, self%poles)
+         if (assembly%tilt_row == 0) return
+         sensor = assembly%sensor
+         assembly%sensor = assembly%tilt_row
+         call differentiate_poles(assembly, self%tilt_poles)
+         call set_static(assembly, self%tilt_poles)
+         assembly%sensor = sensor
+      end associate
    end subroutine solve
+
+   !> Assembles the equations of a structure under a load; arguments as of `solve`.
+   subroutine move_to(self, equations, excitation, parameters)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      logical :: done
+
+      self%is_known = .false.
+      done = allocated(self%assembly) .and. .not. excitation%is_base
+      if (done) done = has_load(self, excitation)
+      if (done) call self%assembly%renew(equations%structure, self%modes, parameters, done)
+      if (done) return
+      if (.not. allocated(self%assembly)) allocate (self%assembly)
+      call assemble(self%modes, equations, excitation, parameters, self%assembly)
+      self%distributed = excitation%distributed
+      self%base = excitation%is_base
+      self%power = excitation%power
+   end subroutine move_to
+
+   !> Returns whether the load of `assembly` is that of an excitation.
+   pure logical function has_load(self, excitation)
+      class(modal_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+
+      has_load = (self%distributed .eqv. excitation%distributed) .and. &
+         (self%base .eqv. excitation%is_base) .and. abs(self%power - excitation%power) <= 0
+   end function has_load
+
+   !> Sets the transfer function at s = 0 and its derivative, unless all poles are there.
+   subroutine set_static(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      complex(wp) :: h(1, 0:size(assembly%parameters))
+      real(wp) :: step
+
+      if (poles%has_all()) return
+      ! For a step so small, the imaginary part is the derivative to all digits.
+      step = 1e-30_wp*minval(abs(poles%s))
+      call transfer_along(assembly, [cmplx(0.0_wp, step, wp)], h)
+      if (allocated(poles%static)) deallocate (poles%static)
+      allocate (poles%static(2, 0:size(assembly%parameters)))
+      poles%static(1, :) = real(h(1, :))
+      poles%static(2, :) = aimag(h(1, :))/step
+   end subroutine set_static
 
    !> Adds structural damping to the poles of `solve`, for the lowest modes that oscillate.
    !>
@@ -219,8 +299,7 @@ contains
       logical, dimension(size(self%poles%s)) :: done, waiting
       integer :: k, mode
 
-      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
-         error)
+      call self%assemble_checked(equations, parameters, assembly, work, error)
       if (allocated(error)) return
       if (assembly%relaxation%n > 0) then
          call failure(error, 'modal: '//loss_beside_relaxation)
@@ -248,16 +327,29 @@ contains
       end do
    end subroutine add_loss
 
-   !> Assembles the equations of a structure in the modes of the mesh.
+   !> Assembles the equations of a structure in the modes of the mesh, for a force at a point.
    !>
    !> parameters  numbers of the parameters of the derivatives
-   !> error       interrupted; the solver is not prepared for this mesh; the beam buckles
-   subroutine assemble_checked(self, equations, excitation, parameters, assembly, work, error)
+   !> error       as of `check_prepared`
+   subroutine assemble_checked(self, equations, parameters, assembly, work, error)
       class(modal_t), intent(in) :: self
       type(equations_t), intent(in) :: equations
-      type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: parameters(:)
       type(assembly_t), intent(out) :: assembly
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+
+      call check_prepared(self, equations, work, error)
+      if (.not. allocated(error)) call assemble(self%modes, equations, new_pulse(0.0_wp, 1.0_wp), &
+         parameters, assembly)
+   end subroutine assemble_checked
+
+   !> Checks that the equations can be assembled, and counts one solution.
+   !>
+   !> error  interrupted; the solver is not prepared for this mesh; the beam buckles
+   subroutine check_prepared(self, equations, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
 
@@ -276,69 +368,52 @@ contains
          end if
       end associate
       call check_axial_load(equations%structure, error)
-      if (allocated(error)) return
-      call assemble(self%modes, equations, excitation, parameters, assembly)
-   end subroutine assemble_checked
+   end subroutine check_prepared
 
-   !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
+   !> Finds the poles of the assembly at the sensor, and at the slope of the sensor if it reads
    !> gravity, starting from those of the last structure.
    !>
-   !> assembly  of the structure
-   !> error     the search fails, or a root that is real and positive shows that the beam buckles
-   subroutine update_poles(self, structure, excitation, assembly, error)
+   !> rate, modes  as of `solve`
+   !> error        the search fails, or a root that is real and positive shows that the beam buckles
+   subroutine update_poles(self, rate, modes, error)
       class(modal_t), intent(inout) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: rate
+      integer, intent(in) :: modes
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: slope_assembly
+      integer :: sensor
 
-      if (allocated(self%structure)) deallocate (self%structure)
+      self%is_known = .false.
       if (allocated(self%first_root)) then
          self%poles%root = self%first_root
          self%poles%all = self%first_all
          self%poles%ds = self%first_ds
          self%poles%parameters = self%first_parameters
          self%poles%values = self%first_values
+         self%poles%rate = self%first_rate
+         self%poles%modes = self%first_modes
       end if
-      call find_poles(assembly, self%poles, error)
-      if (allocated(error)) return
-      if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
-         self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
-         call failure(error, 'modal: '//buckled)
-         return
-      end if
-      if (assembly%tilt_row > 0) then
-         slope_assembly = assembly
-         slope_assembly%sensor = assembly%tilt_row
-         self%tilt_poles%root = self%poles%root
-         self%tilt_poles%all = self%poles%all
-         self%tilt_poles%vector = self%poles%vector
-         call find_residues(slope_assembly, self%tilt_poles, error)
+      associate (assembly => self%assembly)
+         call find_poles(assembly, self%poles, error, rate, modes)
          if (allocated(error)) return
-      end if
-      self%structure = structure
-      self%distributed = excitation%distributed
-      self%base = excitation%is_base
-      self%power = excitation%power
-      self%rows = assembly%row
+         if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
+            self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
+            call failure(error, 'modal: '//buckled)
+            return
+         end if
+         if (assembly%tilt_row > 0) then
+            sensor = assembly%sensor
+            assembly%sensor = assembly%tilt_row
+            self%tilt_poles%root = self%poles%root
+            self%tilt_poles%all = self%poles%all
+            self%tilt_poles%rate = self%poles%rate
+            self%tilt_poles%modes = self%poles%modes
+            self%tilt_poles%vector = self%poles%vector
+            call find_residues(assembly, self%tilt_poles, error)
+            assembly%sensor = sensor
+            if (allocated(error)) return
+         end if
+      end associate
    end subroutine update_poles
-
-   !> Returns whether the poles of the last call are those of a structure under a load.
-   !>
-   !> rows  (operators) rows of the assembly of the structure
-   pure logical function has_poles_of(self, structure, excitation, rows)
-      class(modal_t), intent(in) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: rows(:)
-
-      has_poles_of = allocated(self%structure)
-      if (has_poles_of) has_poles_of = same_structure(self%structure, structure) .and. &
-         (self%distributed .eqv. excitation%distributed) .and. &
-         (self%base .eqv. excitation%is_base) .and. &
-         abs(self%power - excitation%power) <= 0 .and. all(self%rows == rows)
-   end function has_poles_of
 
    !> Computes the transfer function; arguments as in `beamid_responses`. It needs no roots, and
    !> holds for every structure with bending stiffness and every point.
@@ -355,8 +430,7 @@ contains
       complex(wp), allocatable :: slope(:, :)
       integer :: p
 
-      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
-         error)
+      call self%assemble_checked(equations, parameters, assembly, work, error)
       if (allocated(error)) return
       if (.not. assembly%strength(bending, of_stiffness) > tiny(1.0_wp)) then
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
@@ -389,7 +463,8 @@ contains
 
       type(poles_t) :: poles
 
-      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error, 0.0_wp, &
+         merge(huge(1), wanted, equations%structure%eta > 0))
       if (allocated(error)) return
       if (equations%structure%eta > 0) then
          call self%add_loss(equations, parameters, wanted, poles, work, error)
@@ -420,7 +495,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(poles_t) :: poles
 
-      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error, 0.0_wp, &
+         merge(huge(1), wanted, equations%structure%eta > 0))
       if (allocated(error)) return
       if (equations%structure%eta > 0) then
          call self%add_loss(equations, parameters, wanted, poles, work, error)

@@ -79,17 +79,16 @@ contains
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
       complex(wp), intent(out) :: ds(:), dr(:)
-      complex(wp), dimension(assembly%n) :: z, dQx
-      complex(wp) :: of_rows(size(assembly%v, 1), 4)
-      complex(wp), dimension(size(assembly%changing)) :: xx, xz
+      complex(wp) :: of_oscillators(assembly%n, 2), of_rows(size(assembly%v, 1), 4)
+      complex(wp) :: of_operators(size(assembly%changing), 2)
       complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2), past(2)
-      integer :: c, p, l, rows
+      integer :: p, l, rows
 
       rows = size(assembly%v, 1)
-      c = size(assembly%changing)
       associate (x => vector%x, y => vector%y, f => vector%f, s => root%s, &
-         form => vector%form, w => of_rows(:, 1), mu => of_rows(:, 2), dHy => of_rows(:, 3), &
-         shift => of_rows(:, 4))
+         form => vector%form, z => of_oscillators(:, 1), dQx => of_oscillators(:, 2), &
+         xx => of_operators(:, 1), xz => of_operators(:, 2), w => of_rows(:, 1), &
+         mu => of_rows(:, 2), dHy => of_rows(:, 3), shift => of_rows(:, 4))
          driven = load_on(assembly, vector, s)
          observed = y(assembly%sensor)/vector%A
          r = observed*driven/vector%A
@@ -98,16 +97,16 @@ contains
          if (assembly%is_dense()) dQx(:assembly%beam) = dQx(:assembly%beam) &
             + matmul(assembly%dense_at(s, past, 1), x(:assembly%beam))
          call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w, mu)
-         call assembly%products(form, x, y, x, y, xx(:c))
-         call assembly%products(form, x, y, z, w, xz(:c))
+         call assembly%products(form, x, y, x, y, xx)
+         call assembly%products(form, x, y, z, w, xz)
          call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, dHy)
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
                x_E_x = assembly%dense_products(x, x, s, past, p)
                z_E_x = assembly%dense_products(x, z, s, past, p)
-               x_Q_x = assembly%system_derivative(xx(:c), s, past, p) + x_E_x(1)
-               z_Q_x = assembly%system_derivative(xz(:c), s, past, p) + z_E_x(1) &
-                  + r*(assembly%system_derivative_by_s(xx(:c), s, past, p) + x_E_x(2))
+               x_Q_x = assembly%system_derivative(xx, s, past, p) + x_E_x(1)
+               z_Q_x = assembly%system_derivative(xz, s, past, p) + z_E_x(1) &
+                  + r*(assembly%system_derivative_by_s(xx, s, past, p) + x_E_x(2))
                if (any(abs(A_p) > 0)) then
                   x_Q_x = x_Q_x - sum(A_p*f*y)
                   z_Q_x = z_Q_x - sum(A_p*f*w) - r*sum(A_p*y*dHy)
@@ -122,7 +121,9 @@ contains
                   z_Q_x = z_Q_x + sum(shift*mu) + sum(moves*matmul(assembly%v_slope, z)*f)
                end if
                ds(p) = -x_Q_x/vector%A
-               dr(p) = dr_ds*ds(p) - z_Q_x + observed*assembly%load_change(form, x, y, s, p)
+               dr(p) = dr_ds*ds(p) - z_Q_x
+               if (assembly%load_changes(p)) dr(p) = dr(p) &
+                  + observed*assembly%load_change(form, x, y, s, p)
             end associate
          end do
       end associate
@@ -188,8 +189,7 @@ contains
          if (assembly%feels_base) w = observed*assembly%base_coupling/root%s**2
          call assembly%load_rows(vector%form, load_rows)
          do l = 1, size(w)
-            mu(l) = observed*(load_rows(l) &
-               - 2*driven*sum(dH(:, l)*y))
+            mu(l) = observed*(load_rows(l) - 2*driven*sum(dH(:, l)*y))
          end do
          mu(assembly%sensor) = mu(assembly%sensor) + driven
          force = observed*assembly%load_remainder - 2*observed*driven*dQx

@@ -5,6 +5,7 @@ module beamid_pole_search
    use beamid_continuation, only: with_conjugates, follow_roots
    use beamid_errors, only: error_t, failure, status_failed
    use beamid_kinds, only: wp
+   use beamid_low_roots, only: find_low_roots
    use beamid_parameters, only: as_named, parameters
    use beamid_poles, only: find_residues, parameter_values, poles_t
    use beamid_relaxation_roots, only: find_relaxation_roots
@@ -19,18 +20,26 @@ module beamid_pole_search
 
    public :: find_poles
 
+   !> Number of oscillators below which all roots are found.
+   integer, parameter, public :: few_oscillators = 12
+
 contains
 
-   !> Finds the roots of a structure, their eigenvectors and residues.
+   !> Finds the roots of a structure, their eigenvectors and residues: all of them, or all with
+   !> Re s >= -rate and as many of the lowest that oscillate as wanted, if this is faster.
    !>
    !> assembly  the structure and its load
    !> poles     in: those of a similar structure, from which the roots are continued, or a new
    !>           variable; out: `root`, `all`, `vector` and the results of `find_residues`
    !> error     E is 0, the iteration does not converge, or a root was missed
-   subroutine find_poles(assembly, poles, error)
+   !> rate      [1/time]; default: all roots are wanted
+   !> modes     number of modes that are wanted if `rate` is given
+   subroutine find_poles(assembly, poles, error, rate, modes)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: rate
+      integer, intent(in), optional :: modes
       type(root_t), allocatable :: relaxed(:)
       logical :: found
       integer :: k, way
@@ -39,9 +48,25 @@ contains
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
          return
       end if
+      found = .false.
+      if (present(rate)) found = rate < huge(rate) .and. modes < assembly%n .and. &
+         assembly%n >= few_oscillators
+      if (found) then
+         call find_low_poles(assembly, rate, modes, poles, found)
+         if (found) return
+      end if
       call find_relaxation_roots(assembly, relaxed, error)
       if (allocated(error)) return
+      if (.not. poles%has_all()) then
+         deallocate (poles%all)
+         poles%rate = huge(1.0_wp)
+         poles%modes = huge(1)
+      end if
       if (allocated(poles%all)) then
+         if (size(poles%vector) /= size(poles%root)) then
+            deallocate (poles%vector)
+            allocate (poles%vector(size(poles%root)))
+         end if
          call continue_roots(assembly, relaxed, poles, found)
          if (found) then
             call find_residues(assembly, poles, error)
@@ -66,6 +91,39 @@ contains
          trim(parameters(k)%name)//' = '//to_text(as_named(k, assembly%structure%get(k)))// &
          ' is out of proportion to the beam'
    end subroutine find_poles
+
+   !> Finds the lowest roots alone, their eigenvectors and residues. Arguments as of `find_poles`.
+   !>
+   !> found  .false.: all roots are needed, or a root was missed; `poles` then still serves as start
+   subroutine find_low_poles(assembly, rate, modes, poles, found)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: rate
+      integer, intent(in) :: modes
+      type(poles_t), intent(inout) :: poles
+      logical, intent(out) :: found
+      type(root_t), allocatable :: guess(:), root(:)
+      type(error_t), allocatable :: error
+      real(wp) :: found_rate
+      integer :: found_modes
+
+      allocate (guess(0))
+      if (allocated(poles%all)) then
+         guess = poles%root
+         guess%s = predicted_roots(assembly, poles)
+      end if
+      found_rate = rate
+      found_modes = modes
+      call find_low_roots(assembly, guess, found_rate, found_modes, root, poles%vector, found)
+      if (.not. found) return
+      ! From here on, the derivatives belong to other roots.
+      if (allocated(poles%values)) deallocate (poles%values)
+      poles%root = root
+      poles%all = root
+      poles%rate = found_rate
+      poles%modes = found_modes
+      call find_residues(assembly, poles, error)
+      found = .not. allocated(error)
+   end subroutine find_low_poles
 
    !> Adds the relaxation roots, which come last.
    pure subroutine add_relaxed(relaxed, poles)
@@ -102,7 +160,7 @@ contains
       found = all(followed)
       if (found) then
          poles%root = moved
-         poles%all = with_conjugates(assembly, moved)
+         call with_conjugates(assembly, moved, poles%all)
          call add_relaxed(relaxed, poles)
          if (size(poles%vector) /= size(poles%root)) then
             call find_eigenvectors(assembly, poles)

@@ -32,6 +32,12 @@ module beamid_poles
       !> is Re(sum r e**(s t)). 0 if the root belongs to a cluster.
       complex(wp), allocatable :: residue(:)
       type(cluster_t), allocatable :: cluster(:)  !< groups of roots that nearly coincide
+      !> All roots with Re s >= -rate are there, and so many of the lowest that oscillate; others
+      !> may be missing.
+      real(wp) :: rate = huge(1.0_wp)
+      integer :: modes = huge(1)
+      !> (2, 0:parameters) transfer function and its derivative with respect to s, at s = 0
+      real(wp), allocatable :: static(:, :)
       !> o'M**-1 F = sum of r s: acceleration of the sensor at the instant at which a unit force
       !> acts
       real(wp) :: impulse = 0
@@ -46,6 +52,8 @@ module beamid_poles
       integer, allocatable :: parameters(:)       !< numbers of the parameters of the derivatives
       !> (parameters) their values; not allocated: `ds` belongs to other roots
       real(wp), allocatable :: values(:)
+   contains
+      procedure :: has_all
    end type poles_t
 
    !> Largest accepted errors of two sum rules. The residues add up to 0, and the products r s to
@@ -67,16 +75,17 @@ module beamid_poles
 contains
 
    !> Computes the residues of the isolated roots and the clusters of the others, and checks the
-   !> sum rules.
+   !> sum rules if all roots are there.
    !>
    !> poles  in: `root`, `all` and `vector`; out: `s`, `residue`, `cluster`, `impulse` and
    !>        `accelerations`
-   !> error  roots are missing, or are too close together for a cluster
+   !> error  roots are missing, or are too close together for a cluster, or close together at all
+   !>        if not all are there
    subroutine find_residues(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: undamped(size(poles%root))
+      real(wp) :: undamped(size(poles%root)), size_of_A
       logical, dimension(size(poles%root)) :: near, alone
       integer :: k
 
@@ -85,20 +94,35 @@ contains
       do k = 1, size(poles%s)
          if (.not. assembly%is_dense()) call renormalize(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
-            ! |A| of an undamped mode.
+            ! |A| of an undamped mode, and |A|.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
-            near(k) = .not. (abs(vector%A) >= small_A*undamped(k) .or. &
-               is_unresolved(assembly, vector, poles%s(k)))
-            alone(k) = abs(vector%A) > smaller_A*undamped(k)
+            size_of_A = abs(vector%A)
+            near(k) = .not. size_of_A >= small_A*undamped(k)
+            alone(k) = size_of_A > smaller_A*undamped(k)
             poles%residue(k) = 0
+            if (near(k)) then
+               if (is_unresolved(assembly, vector, poles%s(k))) then
+                  near(k) = .false.
+                  cycle
+               end if
+            end if
             ! An exact double root has no residue of its own; a cluster holds it.
-            if (abs(vector%A) > 0 .and. .not. is_unresolved(assembly, vector, poles%s(k))) &
-               poles%residue(k) = pair_weight(poles%s(k))*vector%y(assembly%sensor) &
-                  *load_on(assembly, vector, poles%s(k))/vector%A
+            if (size_of_A > 0) poles%residue(k) = pair_weight(poles%s(k)) &
+               *vector%y(assembly%sensor)*load_on(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
-      call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
-         poles%cluster)
+      if (.not. poles%has_all()) then
+         if (any(near)) call failure(error, 'modal: roots are close together')
+         poles%cluster = [cluster_t ::]
+         call set_accelerations(assembly, poles)
+         return
+      end if
+      if (any(near)) then
+         call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
+            poles%cluster)
+      else
+         poles%cluster = [cluster_t ::]
+      end if
       if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: found a hose or a beam that is not held by the '// &
             'moving base, expected k_H > 0, or &end and supports that hold the beam')
@@ -107,6 +131,7 @@ contains
       if (assembly%feels_base .or. assembly%zeros > 0) &
          poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
+         if (.not. near(k)) cycle
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          if (is_unresolved(assembly, poles%vector(k), poles%s(k))) cycle
@@ -140,13 +165,45 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
       type(vector_t), intent(inout) :: vector
-      real(wp) :: share(assembly%n)
+      real(wp) :: share, largest
+      integer :: i, j
 
-      share = assembly%pencil%m*(real(vector%x)**2 + aimag(vector%x)**2)
-      if (.not. maxval(share) > 16*share(root%j)) return
-      root%j = maxloc(share, dim=1)
+      largest = -1
+      do i = 1, assembly%n
+         share = assembly%pencil%m(i)*(real(vector%x(i))**2 + aimag(vector%x(i))**2)
+         if (share > largest) j = i
+         largest = max(largest, share)
+      end do
+      if (.not. largest > 16*assembly%pencil%m(root%j)) return
+      root%j = j
       call find_vector(assembly, root, vector)
    end subroutine renormalize
+
+   !> Returns whether all roots of the structure are there.
+   pure logical function has_all(self)
+      class(poles_t), intent(in) :: self
+
+      has_all = self%modes == huge(1)
+   end function has_all
+
+   !> Computes the accelerations at the instant at which a unit force acts.
+   !>
+   !> poles  out: `impulse` and `accelerations`
+   subroutine set_accelerations(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      integer :: n
+
+      n = assembly%n
+      if (allocated(poles%accelerations)) deallocate (poles%accelerations)
+      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
+      associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
+         x(:, 1) = assembly%load
+         x(:, 2) = assembly%vt(:, assembly%sensor)
+         call solve_mass(assembly, x, y, -assembly%base_coupling)
+         poles%impulse = y(assembly%sensor, 1)
+      end associate
+   end subroutine set_accelerations
 
    !> Checks that no root is missing, by two sum rules: the residues r add up to 0, and the products
    !> r s to the acceleration at the instant at which a unit force acts.
@@ -161,14 +218,9 @@ contains
       integer :: k, n
 
       n = assembly%n
-      if (allocated(poles%accelerations)) deallocate (poles%accelerations)
-      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
-      associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
-         x(:, 1) = assembly%load
-         x(:, 2) = assembly%vt(:, assembly%sensor)
-         call solve_mass(assembly, x, y, -assembly%base_coupling)
-         poles%impulse = y(assembly%sensor, 1)
-         ordinary = abs(dot_product(assembly%load, x(:, 1)))*abs(y(assembly%sensor, 2))
+      call set_accelerations(assembly, poles)
+      associate (a => poles%accelerations)
+         ordinary = abs(dot_product(assembly%load, a(:n, 1)))*abs(a(n + assembly%sensor, 2))
       end associate
       ! A sensor at a rigid support does not move. The reference is then the acceleration of the
       ! beam without attachments.
@@ -222,17 +274,12 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
-      real(wp) :: load_rows(size(assembly%v, 1))
       integer :: i
 
       ! The load along the row of a spring is 0. In every other row, y is the motion.
-      load_on = 0
+      load_on = assembly%row_power(vector%form, vector%y)
       do i = 1, assembly%n
          load_on = load_on + assembly%load_remainder(i)*vector%x(i)
-      end do
-      call assembly%load_rows(vector%form, load_rows)
-      do i = 1, size(assembly%v, 1)
-         load_on = load_on + load_rows(i)*vector%y(i)
       end do
       if (assembly%feels_base) load_on = load_on &
          + (sum(assembly%velocity_load*vector%x) &

@@ -183,7 +183,7 @@ contains
       logical :: doubtful
       integer :: k
 
-      all = with_conjugates(assembly, some)
+      call with_conjugates(assembly, some, all)
       allocate (done(size(all)))
       do k = 1, size(all)
          done(k) = any(known .and. abs(real(some%s - all(k)%s)) &

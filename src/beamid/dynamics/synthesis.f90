@@ -12,7 +12,9 @@ module beamid_synthesis
    use beamid_excitation, only: excitation_t
    use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
+   use beamid_matrices, only: multiply_long
    use beamid_poles, only: poles_t
+   use beamid_quasi_static, only: add_quasi_static, round_off
    implicit none
    private
 
@@ -38,6 +40,7 @@ module beamid_synthesis
       real(wp) :: force = 0, slope = 0   !< force at its beginning and its slope [force, force/time]
       integer :: row = 0                    !< index of the sample time at its end; 0: none
       logical :: same = .false.             !< as long as the step before
+      logical :: is_free = .true.           !< no force acts
    end type step_t
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
@@ -71,9 +74,10 @@ contains
          last = min(first + block_size - 1, size(times))
          call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
-            motion(first:last, :, q) = matmul(x(:last - first + 1, :), weights(:, :, q))
+            call multiply_long(x, weights(:, :, q), motion(first:last, :, q))
          end do
       end do
+      if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
       do q = 1, size(which)
          if (which(q) < 3) cycle
          associate (force => excitation%force(times), impulse => [poles%impulse, poles%dimpulse])
@@ -258,34 +262,29 @@ contains
       !> Adds the step from the time of the states to `finish` [time].
       subroutine add_step(finish)
          real(wp), intent(in) :: finish
+         type(step_t) :: by
 
-         n = n + 1
-         associate (by => steps(n), t => excitation%t, f => excitation%f, node => self%node)
-            ! On a uniform grid all steps have the same length, and the exponentials are used again.
-            ! The round-off that a step neglects is added to the next, so that it does not
-            ! accumulate.
-            self%behind = self%behind + (finish - self%t)
-            by%length = max(0.0_wp, self%behind)
-            if (n > 1) by%same = abs(by%length - steps(n - 1)%length) <= round_off(finish)
-            if (by%same) by%length = steps(n - 1)%length
-            self%behind = self%behind - by%length
+         ! On a uniform grid all steps have the same length, and the exponentials are used again.
+         ! The round-off that a step neglects is added to the next, so that it does not
+         ! accumulate.
+         self%behind = self%behind + (finish - self%t)
+         by = step_t(length=max(0.0_wp, self%behind))
+         if (n > 0) by%same = abs(by%length - steps(n)%length) <= round_off(finish)
+         if (by%same) by%length = steps(n)%length
+         self%behind = self%behind - by%length
+         associate (t => excitation%t, f => excitation%f, node => self%node)
             if (node < size(t)) then
                by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
                by%force = f(node) + by%slope*(self%t - t(node))
+               by%is_free = .not. abs(by%force) + abs(by%slope) > 0
             end if
          end associate
+         n = n + 1
+         steps(n) = by
          self%t = finish
       end subroutine add_step
 
    end subroutine plan
-
-   !> Returns the difference below which two times near t are equal, four units in the last place
-   !> [time].
-   pure real(wp) function round_off(t)
-      real(wp), intent(in) :: t
-
-      round_off = 4*epsilon(t)*abs(t)
-   end function round_off
 
    !> Advances the state of one pole through all steps: z' = s z + f and, if wanted, y' = s y + z.
    !>
@@ -301,13 +300,20 @@ contains
       real(wp), intent(inout), contiguous :: x(:), x_imag(:)
       real(wp), intent(inout), optional :: y(2)
       real(wp), intent(inout), optional, contiguous :: w(:), w_imag(:)
-      complex(wp) :: z_now, y_now, growth, phi(4)
-      logical :: known
+      complex(wp) :: growth, z_now, y_now, phi(4)
+      real(wp) :: re, im, z_re, z_im, y_re, y_im
+      logical :: known, with_slope
       integer :: j
 
-      z_now = cmplx(z(1), z(2), wp)
-      y_now = 0
-      if (present(y)) y_now = cmplx(y(1), y(2), wp)
+      with_slope = present(y)
+      z_re = z(1)
+      z_im = z(2)
+      y_re = 0
+      y_im = 0
+      if (with_slope) then
+         y_re = y(1)
+         y_im = y(2)
+      end if
       growth = 1
       known = .false.
       do j = 1, size(steps)
@@ -316,24 +322,35 @@ contains
                growth = exp(s*h)
                known = .false.
             end if
-            if (present(y)) y_now = growth*(y_now + h*z_now)
-            z_now = growth*z_now
-            if (abs(by%force) + abs(by%slope) > 0) then
+            if (with_slope) then
+               re = y_re + h*z_re
+               im = y_im + h*z_im
+               y_re = real(growth)*re - aimag(growth)*im
+               y_im = real(growth)*im + aimag(growth)*re
+            end if
+            re = real(growth)*z_re - aimag(growth)*z_im
+            z_im = real(growth)*z_im + aimag(growth)*z_re
+            z_re = re
+            if (.not. by%is_free) then
                if (.not. known) phi = phi_functions(s*h, growth)
                known = .true.
-               z_now = z_now + h*(by%force*phi(1) + by%slope*h*phi(2))
-               if (present(y)) y_now = y_now + h**2*(by%force*phi(3) + by%slope*h*phi(4))
+               z_now = h*(by%force*phi(1) + by%slope*h*phi(2))
+               y_now = h**2*(by%force*phi(3) + by%slope*h*phi(4))
+               z_re = z_re + real(z_now)
+               z_im = z_im + aimag(z_now)
+               y_re = y_re + real(y_now)
+               y_im = y_im + aimag(y_now)
             end if
             if (by%row == 0) cycle
-            x(by%row) = real(z_now)
-            x_imag(by%row) = aimag(z_now)
-            if (.not. present(y)) cycle
-            w(by%row) = real(y_now)
-            w_imag(by%row) = aimag(y_now)
+            x(by%row) = z_re
+            x_imag(by%row) = z_im
+            if (.not. with_slope) cycle
+            w(by%row) = y_re
+            w_imag(by%row) = y_im
          end associate
       end do
-      z = [real(z_now), aimag(z_now)]
-      if (present(y)) y = [real(y_now), aimag(y_now)]
+      z = [z_re, z_im]
+      if (with_slope) y = [y_re, y_im]
    end subroutine march
 
    !> Returns phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 -

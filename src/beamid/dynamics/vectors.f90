@@ -13,7 +13,6 @@
 module beamid_vectors
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dgesv
    use beamid_matrices, only: eliminate, size_of
    use beamid_terms, only: of_mass
    implicit none
@@ -54,67 +53,83 @@ contains
    !> Stores a point relative to the nearest pole. Chooses as oscillator j the one whose own
    !> response is the largest in comparison with its couplings to the rows of V.
    !>
-   !> root  in: s, and origin, side and offset if origin > 0; out: j, origin, side and offset
-   pure subroutine nearest_pole(self, root)
+   !> root    in: s, and origin, side and offset if origin > 0; out: j, origin, side and offset
+   !> keep_j  .true.: j is given; default .false.
+   pure subroutine nearest_pole(self, root, keep_j)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(inout) :: root
-      complex(wp) :: s
-      complex(wp) :: H(size(self%v, 1), size(self%v, 1), 2)
-      real(wp) :: distance(2), least, weight(size(self%v, 1)), response, largest
-      real(wp) :: damped
-      integer :: i, k, l, origin, side, r
+      logical, intent(in), optional :: keep_j
+      real(wp) :: distance, least
+      integer :: i, k, origin, side
+      logical :: choose
 
-      r = size(self%v, 1)
-      s = root%s
+      choose = .true.
+      if (present(keep_j)) choose = .not. keep_j
+      if (choose) root%j = largest_response(self, root%s)
+      least = huge(least)
+      origin = 1
+      side = 1
+      associate (s => root%s)
+         do i = 1, self%n
+            do k = 1, size(self%pole, 2)
+               if (k == 3) then
+                  if (.not. self%relaxes(i)) exit
+               end if
+               distance = real(s - self%pole(i, k))**2 + aimag(s - self%pole(i, k))**2
+               if (distance >= least) cycle
+               least = distance
+               origin = i
+               side = k
+            end do
+         end do
+      end associate
+      if (.not. least > 0) root%j = origin
+      if (origin == root%origin .and. side == root%side) return
+      root%origin = origin
+      root%side = side
+      root%offset = root%s - self%pole(origin, side)
+   end subroutine nearest_pole
+
+   !> Returns the oscillator whose own response is the largest in comparison with its couplings to
+   !> the rows of V.
+   !>
+   !> s  [1/time]
+   pure integer function largest_response(self, s) result(j)
+      type(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: s
+      complex(wp) :: H(size(self%v, 1), size(self%v, 1), 2)
+      real(wp) :: weight(size(self%v, 1)), response, distance, damped, largest
+      integer :: i, k, l
+
       damped = 1
       do l = 1, self%relaxation%n
          damped = damped*(abs(s + self%relaxation%rate(l))**2 + tiny(1.0_wp))
       end do
       weight = 0
       call self%couplings(self%form_at(s), s, H(:, :, 1), H(:, :, 2))
-      do l = 1, r
-         do k = 1, r
+      do l = 1, size(weight)
+         do k = 1, size(weight)
             weight(k) = max(weight(k), size_of(H(k, l, 1))/max(1.0_wp, self%compliance(k)))
          end do
       end do
-      least = huge(least)
+      j = 1
       largest = -1
-      origin = 1
-      side = 1
       do i = 1, self%n
-         do k = 1, 2
-            distance(k) = real(s - self%pole(i, k))**2 + aimag(s - self%pole(i, k))**2
-            if (distance(k) >= least) cycle
-            least = distance(k)
-            origin = i
-            side = k
-         end do
          response = sum(self%v(:, i)**2*weight)/self%pencil%m(i)
-         distance(1) = distance(1)*distance(2)
-         if (self%relaxation%n > 0) then
-            if (self%relaxes(i)) then
-               do l = 1, self%relaxation%n
-                  distance(2) = real(s - self%pole(i, 2 + l))**2 + aimag(s - self%pole(i, 2 + l))**2
-                  distance(1) = distance(1)*distance(2)
-                  if (distance(2) >= least) cycle
-                  least = distance(2)
-                  origin = i
-                  side = 2 + l
-               end do
-               distance(1) = distance(1)/damped
+         distance = 1
+         do k = 1, size(self%pole, 2)
+            if (k == 3) then
+               if (.not. self%relaxes(i)) exit
+               distance = distance/damped
             end if
-         end if
-         response = response**2/max(distance(1), tiny(1.0_wp))
+            distance = distance*(real(s - self%pole(i, k))**2 + aimag(s - self%pole(i, k))**2)
+         end do
+         response = response**2/max(distance, tiny(1.0_wp))
          if (response <= largest) cycle
          largest = response
-         root%j = i
+         j = i
       end do
-      if (.not. least > 0) root%j = origin
-      if (origin == root%origin .and. side == root%side) return
-      root%origin = origin
-      root%side = side
-      root%offset = s - self%pole(origin, side)
-   end subroutine nearest_pole
+   end function largest_response
 
    !> Computes the vector of a root.
    !>
@@ -143,7 +158,7 @@ contains
          end if
          do l = 1, r
             do k = 1, l
-               G(k, l) = sum(self%vv(:, k + l*(l - 1)/2)*vector%inverse)
+               G(k, l) = weighted_sum(self%n, self%vv(:, k + l*(l - 1)/2), vector%inverse)
                G(l, k) = G(k, l)
             end do
             vector%y(l) = v(l, root%j)
@@ -178,6 +193,24 @@ contains
          end do
       end associate
    end subroutine find_vector
+
+   !> Returns the sum of n complex numbers with real weights.
+   pure complex(wp) function weighted_sum(n, weight, values)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: weight(n)
+      complex(wp), intent(in) :: values(n)
+      real(wp) :: re, im
+      integer :: i
+
+      ! A product of a real and a complex number would be one of two complex numbers.
+      re = 0
+      im = 0
+      do i = 1, n
+         re = re + weight(i)*real(values(i))
+         im = im + weight(i)*aimag(values(i))
+      end do
+      weighted_sum = cmplx(re, im, wp)
+   end function weighted_sum
 
    !> Allocates the arrays of a vector for n oscillators and r rows, unless they have these shapes.
    pure subroutine allocate_vector(n, r, vector)
@@ -297,11 +330,13 @@ contains
       do i = 1, n
          left = (origin - pole(i, 1)) + root%offset
          right = (origin - pole(i, 2)) + root%offset
-         D(i) = m(i)*(left*right)
-         dD(i) = m(i)*(left + right)
-         square = real(D(i))**2 + aimag(D(i))**2
+         dD(i) = cmplx(m(i)*real(left + right), m(i)*aimag(left + right), wp)
+         left = left*right
+         left = cmplx(m(i)*real(left), m(i)*aimag(left), wp)
+         D(i) = left
+         square = real(left)**2 + aimag(left)**2
          inverse(i) = 0
-         if (square > 0) inverse(i) = conjg(D(i))/square
+         if (square > 0) inverse(i) = cmplx(real(left)/square, -aimag(left)/square, wp)
       end do
       inverse(root%j) = 0
    end subroutine quadratic_denominators
@@ -318,15 +353,17 @@ contains
       real(wp), intent(in) :: vt(n, r)
       complex(wp), intent(in) :: f(r), inverse(n)
       complex(wp), intent(inout) :: x(n)
-      complex(wp) :: force
+      real(wp) :: re, im
       integer :: i, k
 
       do i = 1, n
-         force = 0
+         re = 0
+         im = 0
          do k = 1, r
-            force = force + vt(i, k)*f(k)
+            re = re + vt(i, k)*real(f(k))
+            im = im + vt(i, k)*aimag(f(k))
          end do
-         x(i) = x(i) - force*inverse(i)
+         x(i) = x(i) - cmplx(re, im, wp)*inverse(i)
       end do
    end subroutine add_response
 
@@ -337,21 +374,27 @@ contains
    pure subroutine solve_coupled(vector, b)
       type(vector_t), intent(in) :: vector
       complex(wp), intent(inout) :: b(:)
-      complex(wp) :: a(size(b), size(b) + 1)
-      logical :: regular
-      integer :: r
 
-      r = size(b)
-      if (r == 2) then
+      if (size(b) == 2) then
          call solve_pair(vector%coupled, b)
-         return
+      else
+         call solve_several(vector%coupled, b)
       end if
-      a(:, :r) = vector%coupled
-      a(:, r + 1) = b
-      call eliminate(r, 1, a(:, :r), a(:, r + 1:), regular)
-      b = 0
-      if (regular) b = a(:, r + 1)
    end subroutine solve_coupled
+
+   !> Solves a x = b in place; the result is 0 if the matrix is singular.
+   pure subroutine solve_several(a, b)
+      complex(wp), intent(in) :: a(:, :)
+      complex(wp), intent(inout) :: b(:)
+      complex(wp) :: matrix(size(b), size(b)), column(size(b), 1)
+      logical :: regular
+
+      matrix = a
+      column(:, 1) = b
+      call eliminate(size(b), 1, matrix, column, regular)
+      b = 0
+      if (regular) b = column(:, 1)
+   end subroutine solve_several
 
    !> Solves a x = b in place for two unknowns, by elimination with pivoting; the result is 0 if the
    !> matrix is singular.
@@ -385,9 +428,10 @@ contains
       real(wp), intent(inout) :: x(:, :)
       real(wp), intent(out) :: y(:, :)
       real(wp), intent(in), optional :: moved(:)
-      real(wp), dimension(size(self%v, 1), size(self%v, 1)) :: h, a
-      real(wp) :: c(size(self%v, 1), size(x, 2))
-      integer :: pivots(size(self%v, 1)), info, k, l, r
+      real(wp) :: h(size(self%v, 1), size(self%v, 1))
+      complex(wp) :: a(size(self%v, 1), size(self%v, 1)), c(size(self%v, 1), size(x, 2))
+      logical :: regular
+      integer :: k, l, r
 
       r = size(self%v, 1)
       h = self%mass_couplings()
@@ -412,9 +456,9 @@ contains
                c(k, 1) = c(k, 1) - moved(k)
             end if
          end do
-         call dgesv(r, size(x, 2), a, r, pivots, c, r, info)
-         if (info /= 0) c = 0
-         y = c
+         call eliminate(r, size(x, 2), a, c, regular)
+         y = 0
+         if (regular) y = real(c)
          do l = 1, size(x, 2)
             do k = 1, r
                x(:, l) = x(:, l) - sum(h(k, :)*y(:, l))*vt(:, k)/m

@@ -124,15 +124,24 @@ contains
    function normal_scores(draws) result(scores)
       real(wp), intent(in) :: draws(:, :)
       real(wp) :: scores(size(draws, 1), size(draws, 2))
-      real(wp) :: sorted(size(draws)), rank
-      integer :: i, j
+      real(wp) :: sorted(size(draws)), known(size(draws))
+      integer :: below, i, j, k, up_to
 
+      known = 0
       sorted = reshape(draws, [size(draws)])
       call sort(sorted)
       do j = 1, size(draws, 2)
          do i = 1, size(draws, 1)
-            rank = (count_below(draws(i, j), .false.) + count_below(draws(i, j), .true.) + 1)/2.0_wp
-            scores(i, j) = normal_quantile((rank - 0.375_wp)/(size(sorted) + 0.25_wp))
+            below = count_below(draws(i, j), .false.)
+            ! Most draws have no equal.
+            up_to = below + 1
+            if (.not. sorted(min(below + 2, size(sorted))) > draws(i, j)) &
+               up_to = count_below(draws(i, j), .true.)
+            ! The scores are symmetric: half of them are known.
+            k = min(below + up_to, 2*size(sorted) - below - up_to)
+            if (.not. known(k) < 0) known(k) = normal_quantile(((k + 1)/2.0_wp - 0.375_wp) &
+               /(size(sorted) + 0.25_wp))
+            scores(i, j) = sign(known(k), below + up_to - real(size(sorted), wp))
          end do
       end do
 

@@ -414,9 +414,14 @@ contains
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
 
-      associate (s => structure)
-         magnitude = value_of(parameters(k)%moderate, [values_of(s), s%m_T + s%rho*s%length, &
-            s%tip_stiffness(), s%omega()])
+      real(wp) :: q(n_parameters + 3)
+
+      associate (s => structure, place => parameters(k)%moderate%place)
+         q(:n_parameters) = values_of(s)
+         q(n_parameters + 1:) = [s%m_T + s%rho*s%length, 0.0_wp, 0.0_wp]
+         if (any(place == n_parameters + 2)) q(n_parameters + 2) = s%tip_stiffness()
+         if (any(place == n_parameters + 3)) q(n_parameters + 3) = s%omega()
+         magnitude = value_of(parameters(k)%moderate, q)
       end associate
    end function magnitude
 

@@ -154,6 +154,14 @@ module beamid_structure
    integer, parameter :: n_of(4) = [storage_size(sensor_t()), storage_size(support_t()), &
       storage_size(mass_t()), storage_size(hose_t())]/storage_size(1.0_wp)
 
+   !> Values in a row: as which `transfer` copies them. (An array would be allocated each time.)
+   type :: all_numbers_t
+      real(wp) :: q(n_parameters) = 0
+   end type all_numbers_t
+   type :: numbers_t
+      real(wp) :: q(n_beam) = 0
+   end type numbers_t
+
    !> Numbers of the parameters. Every component of `of` holds its own position in `values_t`.
    integer :: i
    type(values_t), parameter :: of = transfer([(real(i, wp), i=1, n_parameters)], values_t())
@@ -197,8 +205,10 @@ contains
    pure function values_of(structure) result(q)
       type(structure_t), intent(in) :: structure
       real(wp) :: q(n_parameters)
+      type(all_numbers_t) :: row
 
-      q = transfer(structure%values_t, q, n_parameters)
+      row = transfer(structure%values_t, row)
+      q = row%q
    end function values_of
 
    !> Returns whether parameter k is a coefficient of E(x) or c_D(x).
@@ -314,19 +324,22 @@ contains
       class(structure_t), intent(in) :: self
       integer, intent(in) :: kind, item
       real(wp) :: q(n_beam)
+      type(numbers_t) :: row
 
       select case (kind)
       case (1)
-         q(:n_of(1)) = transfer(self%sensor(item), q, n_of(1))
+         row = transfer(self%sensor(item), row)
       case (2)
-         q(:n_of(2)) = transfer(self%support(item), q, n_of(2))
+         row = transfer(self%support(item), row)
       case (3)
-         q(:n_of(3)) = transfer(self%mass(item), q, n_of(3))
+         row = transfer(self%mass(item), row)
       case (4)
-         q(:n_of(4)) = transfer(self%hose(item), q, n_of(4))
+         row = transfer(self%hose(item), row)
       case default
-         q = transfer(self%beam_values_t, q)
+         row = transfer(self%beam_values_t, row)
       end select
+      q = row%q
+      if (kind > 0) q(n_of(kind) + 1:) = 0
    end function values_in
 
    !> Returns the value of parameter k as it is stored.
@@ -434,9 +447,17 @@ contains
    pure logical function same_structure(a, b)
       type(structure_t), intent(in) :: a, b
 
-      same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
-         all([a%supports - b%supports, a%masses - b%masses, a%observer - b%observer] == 0) .and. &
-         (a%stands .eqv. b%stands)
+      integer :: item, kind
+
+      same_structure = all([a%supports - b%supports, a%masses - b%masses, a%observer &
+         - b%observer] == 0) .and. (a%stands .eqv. b%stands) .and. &
+         all(abs(values_in(a, 0, 1) - values_in(b, 0, 1)) <= 0)
+      do item = 1, max(a%items(), b%items())
+         do kind = 1, size(n_of)
+            if (same_structure) same_structure = all(abs(values_in(a, kind, item) &
+               - values_in(b, kind, item)) <= 0)
+         end do
+      end do
       if (same_structure) same_structure = &
          all(same_values(a%variations%along, b%variations%along))
    end function same_structure

@@ -307,7 +307,7 @@ contains
       logical, intent(out) :: is_decay
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(equations_t), target :: equations
+      type(equations_t), allocatable, target :: equations
       type(seen_modes_t) :: before
       integer :: k
 

@@ -1,10 +1,11 @@
-!> Small matrices: the identity, outer products, sums with a diagonal matrix, and elimination.
+!> Small matrices: the identity, outer products, sums with a diagonal matrix, and elimination; the
+!> product of a long matrix with a small one.
 module beamid_matrices
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: add_diagonal, eliminate, identity, outer, size_of
+   public :: add_diagonal, eliminate, identity, multiply_long, outer, size_of
 
    !> Adds d (n) to the diagonal of a (n, n).
    interface add_diagonal
@@ -32,6 +33,36 @@ contains
 
       outer = spread(x, 2, size(y))*spread(y, 1, size(x))
    end function outer
+
+   !> Computes the product of a long matrix with a small one, four columns at once.
+   !>
+   !> x        (rows or more, columns)
+   !> weights  (columns, :)
+   !> product  (rows, :)
+   pure subroutine multiply_long(x, weights, product)
+      real(wp), intent(in), contiguous :: x(:, :), weights(:, :)
+      real(wp), intent(out) :: product(:, :)
+      real(wp) :: total(size(product, 1)), w(4)
+      integer :: c, i, p, rows
+
+      rows = size(product, 1)
+      do p = 1, size(product, 2)
+         total = 0
+         do c = 1, size(x, 2) - 3, 4
+            w = weights(c:c + 3, p)
+            if (all(abs(w) <= 0)) cycle
+            !$omp simd
+            do i = 1, rows
+               total(i) = total(i) + (w(1)*x(i, c) + w(2)*x(i, c + 1)) &
+                  + (w(3)*x(i, c + 2) + w(4)*x(i, c + 3))
+            end do
+         end do
+         do c = size(x, 2) - modulo(size(x, 2), 4) + 1, size(x, 2)
+            total = total + weights(c, p)*x(:rows, c)
+         end do
+         product(:, p) = total
+      end do
+   end subroutine multiply_long
 
    !> Adds real numbers to the diagonal of a real matrix.
    pure subroutine add_real_diagonal(a, d)
