@@ -1,0 +1,259 @@
+"""The page: its steps, and what follows from every input."""
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Optional
+
+import numpy as np
+from nicegui import background_tasks, ui
+from units import Units
+
+from beamid_studio import beam_step, checks, fit_step, record_step, save_step, style, views
+from beamid_studio.case_model import Case
+from beamid_studio.checks import Field, Found, Remark
+from beamid_studio.recordings import Unreadable
+from beamid_studio.session import Session
+from beamid_studio.widgets import NumberField, Tells
+
+#: Seconds after an input before the program is asked.
+PAUSE = 0.35
+SCHEME = """<script>
+  const tellScheme = () => emitEvent("scheme", document.body.classList.contains("body--dark"));
+  new MutationObserver(tellScheme).observe(document.body, {attributeFilter: ["class"]});
+</script>"""
+
+
+class Studio:
+    """One page in the browser: the session behind it, its fields and its figures."""
+
+    def __init__(self, session: Session, dark: bool) -> None:
+        self.session, self.dark = session, dark
+        self.client = ui.context.client
+        self.tells: dict[Field, Tells] = {}
+        self.numbers: list[NumberField] = []
+        self.spectrum: Any = None          #: of the window
+        self.charts: dict[str, Any] = {}   #: figures that follow the input
+        self.redraws: list[Callable[[], Any]] = []
+        self.version = 0
+        self.unwritten = False             #: whether the record has changed since it was written
+        self.turn = asyncio.Lock()         #: one check at a time
+        self.results: Any = None
+
+    # -- input
+
+    def number(self, group: str, key: str, label: str, units: dict[str, str], **options: Any
+               ) -> NumberField:
+        """Add a field for a number of the case."""
+        field = NumberField(lambda: self.session.case, (group, key.lower()), label, units,
+                            self.changed, **options)
+        self.numbers.append(field)
+        if not options.get("sd"):
+            self.tells[(group, key.lower())] = field.tells
+        return field
+
+    def tell_at(self, group: str, key: str) -> Tells:
+        """Add a place for the sentences that concern a field."""
+        self.tells[(group, key)] = Tells()
+        return self.tells[(group, key)]
+
+    def changed(self, record: bool = False, window: bool = False) -> None:
+        """Follow an input: at once what is cheap, the program's answer soon after.
+
+        record  whether times or values of the record are others
+        window  whether the window of the fit is another
+        """
+        self.version += 1
+        self.unwritten = self.unwritten or record
+        if record or window:
+            self.spectrum = None
+        if record:
+            self.session.found = Found()
+        self.draw_now()
+        background_tasks.create(self.follow(self.version), name="check")
+
+    def draw_now(self) -> None:
+        """Redraw what needs no computation."""
+        for redraw in self.redraws:
+            redraw()
+
+    async def follow(self, version: int) -> None:
+        """Ask the program about the input, unless a later input has come."""
+        await asyncio.sleep(PAUSE)
+        async with self.turn:
+            session = self.session
+            if version != self.version or session.closed:
+                return
+            case, ready = Case(session.case.text()), session.is_ready
+            folder, t = session.folder, session.t
+            if folder is None:
+                folder = session.begin("beam")
+            if self.unwritten:
+                self.unwritten = False
+                await asyncio.to_thread(session.write_record)
+            found = Found()
+            if session.closed:
+                return
+            ready = ready and (folder / "record.csv").exists()
+            if is_described(case):
+                await asyncio.to_thread(checks.modes_of, case, folder, found)
+                if ready and not found.has_errors:
+                    await asyncio.to_thread(checks.check_fit, case, folder, t, found)
+            elif ready:
+                await asyncio.to_thread(checks.check_record, case, folder, t, found)
+            if session.closed or version != self.version:
+                return
+            session.found = found
+            moved = found.onset is not None and not case.get("record", "t_first")
+            if self.spectrum is None or moved:
+                await self.transform()
+            if version == self.version and not session.closed:
+                self.show_found()
+
+    async def transform(self) -> None:
+        """Compute the spectrum of the window."""
+        session = self.session
+        if not session.is_ready:
+            self.spectrum = None
+            return
+        t, values = self.window_samples()
+        self.spectrum = await asyncio.to_thread(views.spectrum, t, values)
+
+    def window_samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the samples of the window, in the unit of the case."""
+        session = self.session
+        low, high = np.searchsorted(session.t, session.window, side="left")
+        part = slice(int(low), int(high) + 1)
+        return session.t[part], session.scale * session.z[part]
+
+    def show_found(self) -> None:
+        """Show the program's sentences at their fields, and the frequencies in the figures."""
+        latest = self.session.results[-1:] if not self.session.run else []
+        self.place_remarks([*self.session.found.remarks,
+                            *[remark for result in latest if result.case == self.session.case_text()
+                              for remark in result.remarks]])
+        self.draw_now()
+
+    def place_remarks(self, remarks: list[Remark]) -> None:
+        """Show sentences at the fields that they concern; the others at the button of the fit."""
+        placed: dict[Field, list[Remark]] = {}
+        for remark in remarks:
+            place = remark.field if remark.field in self.tells else ("stage", "all")
+            placed.setdefault(place, []).append(remark)
+        for place, tells in self.tells.items():
+            tells.show(placed.get(place, []), self.estimate)
+
+    def estimate(self, name: str) -> None:
+        """Add a parameter to those that are estimated, as the program proposes."""
+        if name not in self.session.case.free:
+            self.session.case.free = [*self.session.case.free, name]
+        self.refresh_fields()
+        self.changed()
+        ui.notify(f"{name} will be estimated: repeat the fit.")
+
+    # -- files
+
+    async def open(self, work: Callable[[], Any]) -> bool:
+        """Open a file by a function that runs in a thread; return whether it could be used."""
+        if self.session.run:
+            ui.notify("A fit is running: cancel it first.", type="warning")
+            return False
+        try:
+            recording = await asyncio.to_thread(work)
+        except Unreadable as error:
+            ui.notify(str(error), type="negative", multi_line=True, close_button="Close",
+                      timeout=0)
+            return False
+        if recording is not None:
+            self.session.take(recording)
+        self.unwritten = recording is not None
+        self.session.found = Found()
+        self.spectrum = None
+        self.refresh_fields()
+        for listener in self.session.listeners:
+            listener()
+        self.changed(record=recording is not None)
+        return True
+
+    def refresh_fields(self) -> None:
+        """Show the values of the case in every field."""
+        for field in self.numbers:
+            field.write()
+        self.refresh_choices()
+
+    def refresh_choices(self) -> None:
+        """Show the choices of the case; the steps extend this."""
+
+    # -- figures
+
+    @property
+    def units(self) -> Units:
+        """The units of the case."""
+        return Units.of_case(self.session.case.text(("units",)))
+
+    def chart(self, name: str) -> Any:
+        """Add an empty figure that the page fills by name."""
+        chart = ui.plotly({"data": [], "layout": {}}).classes("chart")
+        self.charts[name] = chart
+        return chart
+
+    def show_figure(self, chart: Any, figure: Any) -> None:
+        """Show a figure in the colours of the page."""
+        spec = views.plotly(figure, self.dark)
+        chart.style(f"height: {spec['layout'].get('height', 330)}px")
+        chart.update_figure(spec)
+
+    def draw_spectrum(self, chart: Any) -> None:
+        """Show the spectrum of the window with the frequencies of the model."""
+        chart.set_visibility(self.spectrum is not None)
+        if self.spectrum is not None:
+            self.show_figure(chart, views.spectrum_figure(
+                self.spectrum, self.session.found.frequencies[:12], self.units))
+
+
+def is_described(case: Case) -> bool:
+    """Return whether a beam has length, section, mass and stiffness."""
+    has_section = case.get("beam", "width") and case.get("beam", "height")
+    return bool(case.get("beam", "length") and case.get("beam", "e")
+                and (has_section or case.get("beam", "I"))
+                and ((has_section and case.get("beam", "density")) or case.get("beam", "rho")))
+
+
+async def build(session: Session, first: Optional[Path]) -> None:
+    """Build the page for a new tab, and open the file of the command line."""
+    ui.add_css(style.sheet())
+    ui.add_body_html(SCHEME)
+    ui.colors(primary="#0072b2")
+    await ui.context.client.connected(timeout=30)
+    dark = bool(await ui.run_javascript("document.body.classList.contains('body--dark')"))
+    studio = Studio(session, dark)
+    with ui.element("header").classes("top"):
+        with ui.element("div").classes("brand"):
+            ui.label("beamid studio")
+        with ui.tabs().props("dense no-caps inline-label indicator-color=primary") as tabs:
+            steps = {name: ui.tab(name, label).props(f'data-step="{name}"') for name, label in (
+                ("record", "1  Record"), ("beam", "2  Beam"), ("fit", "3  Fit"),
+                ("save", "4  Save"))}
+        what = ui.label("").classes("what")
+    with ui.tab_panels(tabs, value=steps["record"], animated=False, keep_alive=True).classes(
+            "steps"):
+        with ui.tab_panel(steps["record"]):
+            record_step.build(studio, lambda: tabs.set_value("beam"))
+        with ui.tab_panel(steps["beam"]):
+            beam_step.build(studio, lambda: tabs.set_value("fit"))
+        with ui.tab_panel(steps["fit"]):
+            fit_step.build(studio)
+        with ui.tab_panel(steps["save"]):
+            save_step.build(studio)
+    session.listeners.append(lambda: what.set_text(session.name))
+
+    def scheme(event: Any) -> None:
+        studio.dark = bool(event.args)
+        studio.draw_now()
+
+    ui.on("scheme", scheme)
+    tabs.on_value_change(studio.draw_now)
+    if first is not None:
+        if await record_step.open_path(studio, first) and session.results:
+            tabs.set_value("fit")
