@@ -154,8 +154,9 @@ def read_quickly(text, columns):
     return (values, head) if np.isfinite(values).all() else (None, text)
 
 
-def parse(place, text, columns=2):
-    """Returns the table that a text contains: `columns` or more of numbers.
+def parse(place, text, columns=2, or_one=False):
+    """Returns the table that a text contains: `columns` or more of numbers, or one column if the
+    text has no more and `or_one` says so.
 
     Blank lines and lines that begin with '#' are left out. The last line above the first row that
     is as wide contains the names; a line of units below it is joined to them.
@@ -166,6 +167,8 @@ def parse(place, text, columns=2):
     lines = [(k + 1, line) for k, line in enumerate(text.splitlines())
              if line.strip(' ,;\t') and not line.lstrip().startswith("#")]
     first, mark = first_row(lines, columns)
+    if first is None and or_one:
+        first, mark = first_row(lines, 1)
     if first is None:
         fail(f"{place}: found no row of numbers, expected {columns} columns or more")
     rows = Rows(lines[first:], mark)
@@ -184,10 +187,10 @@ def parse(place, text, columns=2):
                  [line for k, (_, line) in enumerate(lines[:first]) if k not in used], values)
 
 
-def read(path, columns=2):
+def read(path, columns=2, or_one=False):
     """Returns the table in a file."""
     try:
-        return parse(path, decoded(Path(path).read_bytes()), columns)
+        return parse(path, decoded(Path(path).read_bytes()), columns, or_one)
     except OSError as error:
         fail(f"{path}: {reason(error)}")
 
@@ -323,9 +326,9 @@ def channels_of(table, unit="", prefix=""):
             fail(f"{table.place}:{line}: found {len(filled(fields))} fields, expected {widest} at "
                  "most, as in the first row")
     pairs = [split_unit(name) for name in table.names] + [("", "")] * width
-    # A column of times has such a name, or a unit of time; without names it is the first.
+    # A column of times has such a name, or a unit of time; without names it is the first of several.
     named = [k for k in range(width) if pairs[k][0].lower() in TIMES or time_unit(pairs[k][1])]
-    place = next((k for k in named if is_time(table, k)), None if table.names else 0)
+    place = next((k for k in named if is_time(table, k)), None if table.names or width < 2 else 0)
     if place is None and width > 1 and is_time(table, 0):
         place = 0
     times, remark = None, ""

@@ -84,9 +84,9 @@ class BeamStep:
                                         "known.").classes("lead")
                 self.heading = ui.label("Spectrum of the window; dashed: these modes").classes(
                     "title")
-                self.spectrum = studio.chart("beam-spectrum")
+                self.spectrum = studio.chart()
         self.pictures: tuple[Any, ...] = ()
-        studio.redraws.append(self.draw)
+        studio.redraws["beam"] = self.draw
         self.session.listeners.append(self.loaded)
         self.loaded()
 

@@ -12,6 +12,7 @@ from typing import Optional
 
 import beamid
 import numpy as np
+import signals
 
 from beamid_studio.case_model import STRUCTURE, Case
 
@@ -101,17 +102,24 @@ def modes_of(case: Case, folder: Path, found: Found) -> None:
         found.x, found.shapes = modes.x, modes.shapes
 
 
-#: A structure in place of one that is not complete: only the samples are of interest then. Without
-#: labels of units, and with low frequencies, no check of the program compares it with the record.
-PLACEHOLDER = "&beam length=100, E=1, rho=1, I=1 /"
+#: A structure in place of one that is not complete: only the samples are of interest then. Its
+#: first natural frequency is that of the record, and its units have no labels, so that the program
+#: finds nothing to compare.
+PLACEHOLDER = "&beam length=1, E={modulus!r}, rho=1, I=1 /"
 
 
-def check_record(case: Case, folder: Path, samples: np.ndarray, found: Found) -> None:
-    """Add what the program says of the record alone, while the beam is not described yet."""
-    trial = Case(PLACEHOLDER)
+def check_record(case: Case, folder: Path, t: np.ndarray, z: np.ndarray, found: Found) -> None:
+    """Add what the program says of the record alone, while the beam is not described yet.
+
+    t, z  (m) times and values of the record
+    """
+    part = slice(0, 100_000)
+    frequency = signals.lowest_mode(t[part], z[part]) or 10 / (t[-1] - t[0])
+    modulus = float(2 * np.pi * frequency / 1.8751**2)**2
+    trial = Case(PLACEHOLDER.format(modulus=modulus))
     trial.groups += [group for group in Case(case.text()).groups
                      if group[0] in ("excitation", "record")]
-    check_fit(trial, folder, samples, found)
+    check_fit(trial, folder, t, found)
 
 
 def check_fit(case: Case, folder: Path, samples: np.ndarray, found: Found) -> None:

@@ -15,9 +15,9 @@ from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, panel
 OFFERED = (("E", "modulus of elasticity", MODULI), ("m_S", "mass of the sensor", MASSES),
            ("c_D", "damping in the material", {}), ("gamma", "damping by the air", {}),
            ("k_R", "stiffness of the clamp", {}), ("x_S", "place of the sensor", LENGTHS),
-           ("length", "length of the beam", LENGTHS))
-KNOWN = (("width", "width", LENGTHS), ("height", "height", LENGTHS),
-         ("density", "density", DENSITIES))
+           ("length", "of the beam", LENGTHS))
+KNOWN = (("width", "of the section", LENGTHS), ("height", "of the section", LENGTHS),
+         ("density", "of the material", DENSITIES))
 #: Further parameters that may be estimated.
 FURTHER = ["m_T", "J_T", "J_S", "rho", "c_R", "k_w", "c_w", "x_P", "k_P", "c_P", "m_M", "x_M",
            "m_H", "c_H", "k_H", "x_H", "eta", "a_h", "b_h", "d_1", "b_1", "T"]

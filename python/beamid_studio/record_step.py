@@ -53,7 +53,7 @@ class RecordStep:
             with ui.element("div").classes("views"):
                 self.views_panel()
         self.session.listeners.append(self.loaded)
-        studio.redraws.append(self.draw)
+        studio.redraws["record"] = self.draw
         self.loaded()
         self.draw()
 
@@ -87,8 +87,8 @@ class RecordStep:
                     self.rate = ui.input("Samples per second", on_change=self.set_rate).props(
                         "outlined dense stack-label debounce=300 data-field=rate")
             self.scale = self.studio.number("record", "scale", "Factor to m/s²", {})
-            self.time_tells = self.studio.tell_at("record", "times")
-            self.value_tells = self.studio.tell_at("record", "value")
+            self.time_tells = self.studio.tell_at("record", "times", "times")
+            self.value_tells = self.studio.tell_at("record", "value", "values")
 
     def window_panel(self, onwards: Callable[[], None]) -> None:
         self.window = panel("Window of the fit", "Drag across the record. Begin when hands and "
@@ -118,7 +118,7 @@ class RecordStep:
                                                                  "padding='2px 12px'")
                 ui.button("Show all", on_click=lambda: self.zoom(None)).props(
                     "flat dense no-caps data-go=all")
-            self.chart = self.studio.chart("record")
+            self.chart = self.studio.chart()
             self.chart.on("plotly_selected", self.selected, js_handler="""(event) => emit(
                 event && event.range && event.range.x)""")
             self.chart.on("plotly_relayout", self.relayout, js_handler="""(event) => {
@@ -127,10 +127,10 @@ class RecordStep:
                 else if (event["xaxis.autorange"]) emit(null); }""")
             ui.label("Spectrum of the window; dashed: natural frequencies of the beam as it is "
                      "described now").classes("title")
-            self.spectrum = self.studio.chart("spectrum")
+            self.spectrum = self.studio.chart()
             with ui.expansion("Spectrogram of the window", on_value_change=self.draw).classes(
                     "w-full") as self.more:
-                self.spectrogram = self.studio.chart("spectrogram")
+                self.spectrogram = self.studio.chart()
 
     # -- events
 
@@ -291,10 +291,10 @@ class RecordStep:
         self.studio.draw_spectrum(self.spectrum)
         self.propose()
         if there and self.more.value:
-            t, values = self.studio.window_samples()
-            if len(t) > 128:
-                self.studio.show_figure(self.spectrogram, views.spectrogram(
-                    t, values, self.session.found.frequencies[:8]))
+            modes = self.session.found.frequencies[:8]
+            key = (id(self.session.z), self.session.window, self.session.scale, tuple(modes))
+            self.studio.follow_figure(self.spectrogram, key, lambda: views.spectrogram(
+                *self.studio.window_samples(), modes))
 
     def draw_record(self) -> None:
         session = self.session
@@ -303,7 +303,8 @@ class RecordStep:
         recording = session.recording
         label = recording.channel.name if recording else "record"
         unit = "" if not recording else recording.channel.unit
-        self.studio.show_figure(self.chart, views.record(
+        key = (id(session.z), session.window, self.view, self.mode.value)
+        self.studio.follow_figure(self.chart, key, lambda: views.record(
             session.t, session.z, session.window, label=label, unit=unit, view=self.view,
             mode=self.mode.value))
 

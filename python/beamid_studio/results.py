@@ -77,7 +77,7 @@ class Results:
         self.dark = studio.dark
         self.shown = 0
         self.box = ui.element("div").classes("views fits")
-        studio.redraws.append(self.recolour)
+        studio.redraws["fit"] = self.recolour
         self.show_all()
 
     def recolour(self) -> None:
@@ -163,7 +163,7 @@ class Results:
     def figure(self, match: re.Match[str]) -> None:
         """Show a figure of the report and its caption."""
         spec = json.loads(match[1].replace("<\\/", "</"))
-        chart = ui.plotly({"data": [], "layout": {}}).classes("chart")
+        chart = self.studio.chart()
         self.studio.show_figure(chart, spec)
         self.figures.append((chart, spec))
         caption = CAPTION.search(match[2])

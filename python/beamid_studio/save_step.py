@@ -83,5 +83,5 @@ def build(studio: Any) -> None:
                                                                      '<pre class="code">'))
         where.text = f"Everything is also in {session.folder}." if session.folder else ""
 
-    studio.redraws.append(draw)
+    studio.redraws["save"] = draw
     draw()

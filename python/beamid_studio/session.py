@@ -17,7 +17,7 @@ from beamid_studio.checks import Found, Remark, verdict_remarks
 
 #: A case to begin with: metres, newtons, seconds and kilograms, a free decay.
 NEW = """&units length='m', force='N', time='s', mass='kg' /
-&excitation kind='free', modes=2 /
+&excitation kind='free', modes=3 /
 &record file='record.csv' /
 &stage free='E','c_D','gamma','offset' /
 &prior parameter='length', sd=0.001 /

@@ -19,6 +19,7 @@ from beamid_studio.widgets import NumberField, Tells
 
 #: Seconds after an input before the program is asked.
 PAUSE = 0.35
+STEPS = {"record": "1  Record", "beam": "2  Beam", "fit": "3  Fit", "save": "4  Save"}
 SCHEME = """<script>
   const tellScheme = () => emitEvent("scheme", document.body.classList.contains("body--dark"));
   new MutationObserver(tellScheme).observe(document.body, {attributeFilter: ["class"]});
@@ -32,10 +33,16 @@ class Studio:
         self.session, self.dark = session, dark
         self.client = ui.context.client
         self.tells: dict[Field, Tells] = {}
+        self.labels: dict[Field, str] = {}
+        self.steps_of: dict[Field, str] = {}    #: the step that has a field
+        self.badges: dict[str, ui.badge] = {}   #: how many sentences a step shows
+        self.building = "record"                #: the step whose fields are being added
         self.numbers: list[NumberField] = []
         self.spectrum: Any = None          #: of the window
-        self.charts: dict[str, Any] = {}   #: figures that follow the input
-        self.redraws: list[Callable[[], Any]] = []
+        self.drawn: dict[int, tuple[Any, ...]] = {}    #: what each figure shows
+        self.redraws: dict[str, Callable[[], Any]] = {}    #: by the name of the step
+        self.step = "record"
+        self.stale = False                 #: whether the spectrum is of another window
         self.version = 0
         self.unwritten = False             #: whether the record has changed since it was written
         self.turn = asyncio.Lock()         #: one check at a time
@@ -50,12 +57,14 @@ class Studio:
                             self.changed, **options)
         self.numbers.append(field)
         if not options.get("sd"):
-            self.tells[(group, key.lower())] = field.tells
+            self.tells[field.place] = field.tells
+            self.labels[field.place], self.steps_of[field.place] = label, self.building
         return field
 
-    def tell_at(self, group: str, key: str) -> Tells:
+    def tell_at(self, group: str, key: str, label: str = "") -> Tells:
         """Add a place for the sentences that concern a field."""
         self.tells[(group, key)] = Tells()
+        self.labels[(group, key)], self.steps_of[(group, key)] = label, self.building
         return self.tells[(group, key)]
 
     def changed(self, record: bool = False, window: bool = False) -> None:
@@ -66,17 +75,21 @@ class Studio:
         """
         self.version += 1
         self.unwritten = self.unwritten or record
-        if record or window:
-            self.spectrum = None
+        self.stale = self.stale or record or window
         if record:
-            self.session.found = Found()
+            self.session.found, self.spectrum = Found(), None
         self.draw_now()
         background_tasks.create(self.follow(self.version), name="check")
 
     def draw_now(self) -> None:
-        """Redraw what needs no computation."""
-        for redraw in self.redraws:
-            redraw()
+        """Redraw what the user sees and what needs no long computation."""
+        if not self.session.closed:
+            self.redraws[self.step]()
+
+    def show_step(self, name: str) -> None:
+        """Draw a step that has become visible."""
+        self.step = name
+        self.draw_now()
 
     async def follow(self, version: int) -> None:
         """Ask the program about the input, unless a later input has come."""
@@ -101,12 +114,14 @@ class Studio:
                 if ready and not found.has_errors:
                     await asyncio.to_thread(checks.check_fit, case, folder, t, found)
             elif ready:
-                await asyncio.to_thread(checks.check_record, case, folder, t, found)
+                await asyncio.to_thread(checks.check_record, case, folder, t, session.z,
+                                        found)
             if session.closed or version != self.version:
                 return
+            moved = found.onset != session.found.onset
             session.found = found
-            moved = found.onset is not None and not case.get("record", "t_first")
-            if self.spectrum is None or moved:
+            if self.spectrum is None or self.stale or moved:
+                self.stale = False
                 await self.transform()
             if version == self.version and not session.closed:
                 self.show_found()
@@ -138,9 +153,19 @@ class Studio:
     def place_remarks(self, remarks: list[Remark]) -> None:
         """Show sentences at the fields that they concern; the others at the button of the fit."""
         placed: dict[Field, list[Remark]] = {}
+        counts = dict.fromkeys(self.badges, 0)
         for remark in remarks:
             place = remark.field if remark.field in self.tells else ("stage", "all")
             placed.setdefault(place, []).append(remark)
+            step = self.steps_of.get(place, "fit")
+            counts[step] += remark.kind != "note"
+            if remark.kind == "error" and step != "fit":
+                placed.setdefault(("stage", "all"), []).append(Remark(
+                    f"Step {step.capitalize()}, {self.labels.get(place, 'the file')}: "
+                    f"{remark.text}", kind="error"))
+        for step, badge in self.badges.items():
+            badge.text = str(counts[step])
+            badge.set_visibility(counts[step] > 0)
         for place, tells in self.tells.items():
             tells.show(placed.get(place, []), self.estimate)
 
@@ -192,11 +217,10 @@ class Studio:
         """The units of the case."""
         return Units.of_case(self.session.case.text(("units",)))
 
-    def chart(self, name: str) -> Any:
-        """Add an empty figure that the page fills by name."""
-        chart = ui.plotly({"data": [], "layout": {}}).classes("chart")
-        self.charts[name] = chart
-        return chart
+    @staticmethod
+    def chart() -> Any:
+        """Add an empty figure."""
+        return ui.plotly({"data": [], "layout": {}}).classes("chart")
 
     def show_figure(self, chart: Any, figure: Any) -> None:
         """Show a figure in the colours of the page."""
@@ -204,12 +228,23 @@ class Studio:
         chart.style(f"height: {spec['layout'].get('height', 330)}px")
         chart.update_figure(spec)
 
+    def follow_figure(self, chart: Any, key: tuple[Any, ...], make: Callable[[], Any]) -> None:
+        """Show a figure anew if what it depends on has changed.
+
+        key  what the figure depends on, beside the colours of the page
+        """
+        key = (*key, self.dark)
+        if self.drawn.get(chart.id) != key:
+            self.drawn[chart.id] = key
+            self.show_figure(chart, make())
+
     def draw_spectrum(self, chart: Any) -> None:
         """Show the spectrum of the window with the frequencies of the model."""
         chart.set_visibility(self.spectrum is not None)
         if self.spectrum is not None:
-            self.show_figure(chart, views.spectrum_figure(
-                self.spectrum, self.session.found.frequencies[:12], self.units))
+            modes = self.session.found.frequencies[:12]
+            self.follow_figure(chart, (id(self.spectrum), tuple(modes)), lambda: (
+                views.spectrum_figure(self.spectrum, modes, self.units)))
 
 
 def is_described(case: Case) -> bool:
@@ -232,20 +267,19 @@ async def build(session: Session, first: Optional[Path]) -> None:
         with ui.element("div").classes("brand"):
             ui.label("beamid studio")
         with ui.tabs().props("dense no-caps inline-label indicator-color=primary") as tabs:
-            steps = {name: ui.tab(name, label).props(f'data-step="{name}"') for name, label in (
-                ("record", "1  Record"), ("beam", "2  Beam"), ("fit", "3  Fit"),
-                ("save", "4  Save"))}
+            for name, label in STEPS.items():
+                with ui.tab(name, label).props(f'data-step="{name}"'):
+                    studio.badges[name] = ui.badge("").props("color=orange-9 rounded")
+                    studio.badges[name].set_visibility(False)
         what = ui.label("").classes("what")
-    with ui.tab_panels(tabs, value=steps["record"], animated=False, keep_alive=True).classes(
-            "steps"):
-        with ui.tab_panel(steps["record"]):
-            record_step.build(studio, lambda: tabs.set_value("beam"))
-        with ui.tab_panel(steps["beam"]):
-            beam_step.build(studio, lambda: tabs.set_value("fit"))
-        with ui.tab_panel(steps["fit"]):
-            fit_step.build(studio)
-        with ui.tab_panel(steps["save"]):
-            save_step.build(studio)
+    builders = {"record": lambda: record_step.build(studio, lambda: tabs.set_value("beam")),
+                "beam": lambda: beam_step.build(studio, lambda: tabs.set_value("fit")),
+                "fit": lambda: fit_step.build(studio), "save": lambda: save_step.build(studio)}
+    with ui.tab_panels(tabs, value="record", animated=False, keep_alive=False).classes("steps"):
+        for name, step in builders.items():
+            studio.building = name
+            with ui.tab_panel(name):
+                step()
     session.listeners.append(lambda: what.set_text(session.name))
 
     def scheme(event: Any) -> None:
@@ -253,7 +287,7 @@ async def build(session: Session, first: Optional[Path]) -> None:
         studio.draw_now()
 
     ui.on("scheme", scheme)
-    tabs.on_value_change(studio.draw_now)
+    tabs.on_value_change(lambda event: studio.show_step(event.value))
     if first is not None:
         if await record_step.open_path(studio, first) and session.results:
             tabs.set_value("fit")

@@ -50,6 +50,9 @@ a { color: var(--link); }
 .q-field--outlined .q-field__control { border-radius: .45rem; }
 .field .q-field__append .q-field__native { font-size: .85rem; min-width: 0; color: var(--soft); }
 .field .q-field__append .q-field__control { padding: 0; }
+.q-field .q-field .q-field__control:before, .q-field .q-field .q-field__control:after {
+  border: 0 !important; }
+.q-field__append .q-field__native { padding: 0; min-height: 0; }
 .q-field__native, .q-field__label { color: var(--text); }
 .q-field__label { color: var(--soft); }
 .tell { font-size: .84rem; line-height: 1.4; border-left: 3px solid var(--warn-line);
@@ -95,6 +98,7 @@ a { color: var(--link); }
 .choices .wide { grid-column: 1 / -1; }
 .meaning { line-height: 1.25; } .meaning small { color: var(--soft); display: block; }
 .report { width: 100%; min-width: 0; } .report figure { margin: .2rem 0 0; }
+.report h3 { font-weight: 620; line-height: 1.3; } .report ul { list-style: disc; }
 .report > :first-child { margin-top: 0; } .report h3:first-child { margin-top: .4rem; }
 .grid-of-figures { display: grid; gap: .6rem 1rem; width: 100%;
   grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); }

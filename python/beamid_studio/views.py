@@ -40,8 +40,8 @@ def plotly(figure: Any, dark: bool) -> dict[str, Any]:
     """Return a figure of the report as the page draws it."""
     spec = figure if isinstance(figure, dict) else figure.to_plotly_json()
     spec = themed(spec, dark)
-    spec["config"] = {"displaylogo": False, "responsive": True, "doubleClick": "reset",
-                      "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d"]}
+    spec["config"] = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": [
+        "select2d", "lasso2d", "autoScale2d"]}
     return dict(spec)
 
 
