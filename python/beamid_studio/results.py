@@ -123,11 +123,21 @@ class Results:
                 if not heading:
                     self.components(text)
                     continue
-                with ui.expansion(heading, value=heading == "Record and model").classes(
-                        "w-full").props("header-class='title' dense-toggle"):
-                    if heading == "Modes" and modes:
-                        ui.html(modes, sanitize=False).classes("w-full")
+                self.unfolding(heading, text, modes if heading == "Modes" else "")
+
+    def unfolding(self, heading: str, text: str, above: str) -> None:
+        """Show a section on demand; its figures are drawn when it is opened for the first time."""
+        def fill(opened: bool) -> None:
+            if opened and not list(box.default_slot.children):
+                with box:
+                    if above:
+                        ui.html(above, sanitize=False).classes("w-full")
                     self.components(text)
+
+        opened = heading == "Record and model"
+        with ui.expansion(heading, value=opened, on_value_change=lambda event: fill(event.value)
+                          ).classes("w-full").props("header-class='title' dense-toggle") as box:
+            fill(opened)
 
     def fit_list(self, result: Result) -> None:
         """Show a button for each fit, and one for the comparison."""
@@ -281,6 +291,8 @@ def comparison(results: list[Result]) -> str:
     rows.append(["estimated", *(h.Raw(", ".join(h.symbol(row["parameter"]) for row in fit.rows
                                                 if not row["parameter"].startswith(("cos_", "sin_"))
                                                 )) for fit in fits)])
-    verdicts = "".join(f"<h3>{html.escape(result.name.capitalize())}</h3>{fit.verdict()}"
+    # The numbers of each verdict are in the table above it.
+    verdicts = "".join(f"<h3>{html.escape(result.name.capitalize())}</h3>"
+                       + fit.verdict().replace(fit.quality_table(), "")
                        for result, fit in zip(results, fits))
     return h.table(rows[0], [rows[1:]]) + verdicts

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import socket
 from dataclasses import dataclass
@@ -216,7 +217,10 @@ def serve(settings: Settings) -> int:
     app.on_startup(lambda: print(
         f"beamid studio: http://{HOST}:{port}/?token={token}\n"
         f"It writes below {settings.folder}. Ctrl-C ends it.", flush=True))
-    ui.run(host=HOST, port=port, reload=False, show_welcome_message=False, title="beamid studio",
-           show=f"/?token={token}" if settings.show else False, dark=None, favicon="〰️",
-           reconnect_timeout=5.0, uvicorn_logging_level="warning", access_log=False)
+    # Ctrl-C is the usual end, after the server has closed everything.
+    with contextlib.suppress(KeyboardInterrupt):
+        ui.run(host=HOST, port=port, reload=False, show_welcome_message=False,
+               title="beamid studio", show=f"/?token={token}" if settings.show else False,
+               dark=None, favicon="〰️", reconnect_timeout=5.0, uvicorn_logging_level="warning",
+               access_log=False)
     return 0

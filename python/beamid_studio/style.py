@@ -76,6 +76,7 @@ a { color: var(--link); }
 .bar { display: flex; align-items: center; gap: .6rem; width: 100%; flex-wrap: wrap; }
 .bar .title { margin-right: auto; }
 .q-btn { text-transform: none; letter-spacing: 0; border-radius: .45rem; }
+.body--dark .q-btn--outline, .body--dark .q-btn--flat { color: var(--link) !important; }
 .q-btn-group { box-shadow: none; border: 1px solid var(--line); border-radius: .45rem; }
 .drawing { width: 100%; height: auto; display: block; max-width: 60rem; }
 .drawing, .modes svg { fill: none; stroke: var(--ink); stroke-width: 2; }
