@@ -1,8 +1,9 @@
 """The command `beamid` of the Python package.
 
 `beamid report`, `beamid plot KIND` and `beamid to-csv` run a script of the package, and `beamid
-studio` its page in the browser. Every other command runs the program of the package, which shares its library with the module `beamid`. This
-module imports neither numpy nor `beamid`, so that the program starts at once.
+studio` its page in the browser. Every other command runs the program of the package, which shares
+its library with the module `beamid`. This module imports neither numpy nor `beamid`, so that the
+program starts at once.
 """
 from __future__ import annotations
 

@@ -326,7 +326,7 @@ def channels_of(table, unit="", prefix=""):
             fail(f"{table.place}:{line}: found {len(filled(fields))} fields, expected {widest} at "
                  "most, as in the first row")
     pairs = [split_unit(name) for name in table.names] + [("", "")] * width
-    # A column of times has such a name, or a unit of time; without names it is the first of several.
+    # A column of times has such a name, or a unit of time; without names the first of several is.
     named = [k for k in range(width) if pairs[k][0].lower() in TIMES or time_unit(pairs[k][1])]
     place = next((k for k in named if is_time(table, k)), None if table.names or width < 2 else 0)
     if place is None and width > 1 and is_time(table, 0):

@@ -14,7 +14,7 @@ import beamid_command
 sys.path.insert(0, str(beamid_command.SCRIPTS))
 os.environ.setdefault("BEAMID_PROGRAM", str(beamid_command.PROGRAM))
 
-from program import fail, new_parser, pip_install  # noqa: E402
+from program import fail, new_parser, pip_install
 
 #: What the page needs beside NumPy: the extra `studio` of the package installs it.
 NEEDED = ("nicegui", "plotly", "matplotlib")
@@ -23,11 +23,11 @@ MEGABYTE = 10**6
 
 def command_line() -> argparse.Namespace:
     """Return the arguments of the command line, checked."""
-    parser = new_parser("Opens a page in the browser that leads from a recorder's file to a fit and "
-                        "its report. The page is served to this machine only, and ends with its "
-                        "last tab or with Ctrl-C.", prog="beamid studio")
-    parser.add_argument("file", metavar="FILE", nargs="?", help="a recorder's file, a case file, or "
-                        "the output folder of a fit")
+    parser = new_parser("Opens a page in the browser that leads from a recorder's file to a fit "
+                        "and its report. The page is served to this machine only, and ends with "
+                        "its last tab or with Ctrl-C.", prog="beamid studio")
+    parser.add_argument("file", metavar="FILE", nargs="?", help="a recorder's file, a case file, "
+                        "or the output folder of a fit")
     parser.add_argument("--out", metavar="DIR", default="out/studio",
                         help="folder below which everything is written (default: out/studio)")
     parser.add_argument("--port", metavar="N", type=int, default=0,

@@ -9,7 +9,8 @@ from nicegui import ui
 
 from beamid_studio import drawing
 from beamid_studio.case_model import quoted
-from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, NumberField, in_si, panel
+from beamid_studio.widgets import (DENSITIES, LENGTHS, MASSES, MODULI, NumberField, in_si, pair,
+                                   panel)
 
 #: Density [kg/m^3] and modulus of elasticity [N/m^2] of common materials.
 MATERIALS = {
@@ -37,29 +38,26 @@ class BeamStep:
         with ui.element("div").classes("step"):
             with ui.element("div").classes("inputs"):
                 with panel("Beam", "From the clamp to the free end. The height is the thickness in "
-                           "the direction of the vibration."):
-                    with ui.element("div").classes("pair"):
-                        number("beam", "length", "Length", LENGTHS)
-                        number("beam", "width", "Width", LENGTHS)
-                        number("beam", "height", "Height", LENGTHS)
+                           "the direction of the vibration."), pair():
+                    number("beam", "length", "Length", LENGTHS)
+                    number("beam", "width", "Width", LENGTHS)
+                    number("beam", "height", "Height", LENGTHS)
                 with panel("Material"):
                     self.material = ui.select(list(MATERIALS), label="Typical values of",
                                               on_change=self.take_material, clearable=True).props(
                         "outlined dense options-dense data-field=material")
-                    with ui.element("div").classes("pair"):
+                    with pair():
                         number("beam", "density", "Density", DENSITIES)
                         number("beam", "E", "Modulus E", MODULI)
-                    with ui.expansion("Damping, start values").classes("w-full"):
-                        with ui.element("div").classes("pair"):
-                            number("beam", "c_D", "Material c_D", {"N s/m²": "1"})
-                            number("beam", "gamma", "Air gamma", {"N s/m²": "1"})
+                    with ui.expansion("Damping, start values").classes("w-full"), pair():
+                        number("beam", "c_D", "Material c_D", {"N s/m²": "1"})
+                        number("beam", "gamma", "Air gamma", {"N s/m²": "1"})
                 with panel("Sensor", "Its mass includes the board and half the cable; a phone has "
-                           "about 200 g."):
-                    with ui.element("div").classes("pair"):
-                        number("sensor", "x_S", "Distance from clamp", LENGTHS)
-                        number("sensor", "m_S", "Mass", MASSES)
+                           "about 200 g."), pair():
+                    number("sensor", "x_S", "Distance from clamp", LENGTHS)
+                    number("sensor", "m_S", "Mass", MASSES)
                 with panel("Ends and attachments"):
-                    with ui.element("div").classes("pair"):
+                    with pair():
                         self.ends = {at: ui.select(
                             kinds, label={"root": "Root", "tip": "Other end"}[at],
                             on_change=self.set_ends).props(

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
-from typing import Optional
 
 import cases
 
@@ -19,7 +18,7 @@ STRUCTURE = ("units", "beam", "end", "tip", "mass", "sensor", "support", "hose",
              "along", "discretization")
 
 
-def number_text(text: str, factor: str = "1", divide: bool = False) -> Optional[str]:
+def number_text(text: str, factor: str = "1", divide: bool = False) -> str | None:
     """Return a number as a case file has it, multiplied or divided exactly by a factor of a unit.
 
     Returns None if the text is no finite number. A decimal comma counts as a point.
@@ -76,7 +75,7 @@ class Case:
             return cases.unquoted(keys.get(key.lower(), []))
         return ""
 
-    def set(self, name: str, key: str, value: Optional[str]) -> None:
+    def set(self, name: str, key: str, value: str | None) -> None:
         """Set a key to a value as it stands in a file; None or '' removes the key."""
         if value:
             self.first(name)[key.lower()] = [value]
@@ -106,12 +105,12 @@ class Case:
         if "shared" in stage:
             stage["shared"] = [value for value in stage["shared"] if value in stage["free"]]
 
-    def prior(self, parameter: str) -> Optional[dict[str, list[str]]]:
+    def prior(self, parameter: str) -> dict[str, list[str]] | None:
         """Return the keys of the prior of a parameter."""
         return next((keys for keys in self.all("prior") if cases.unquoted(
             keys.get("parameter", [])).lower() == parameter.lower()), None)
 
-    def set_prior(self, parameter: str, sd: Optional[str]) -> None:
+    def set_prior(self, parameter: str, sd: str | None) -> None:
         """State the standard deviation of a parameter; None or '' withdraws it."""
         keys = self.prior(parameter)
         if not sd:
@@ -122,7 +121,7 @@ class Case:
             keys["parameter"] = [quoted(parameter)]
         keys["sd"] = [sd]
 
-    def text(self, only: Optional[tuple[str, ...]] = None, comment: str = "") -> str:
+    def text(self, only: tuple[str, ...] | None = None, comment: str = "") -> str:
         """Return the case file.
 
         only     names of the groups to keep

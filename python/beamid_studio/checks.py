@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Optional
 
 import beamid
 import numpy as np
@@ -50,10 +49,10 @@ class Found:
 
     frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
     damping: np.ndarray = field(default_factory=lambda: np.empty(0))
-    x: Optional[np.ndarray] = None
-    shapes: Optional[np.ndarray] = None    #: (modes, points), complex if damped
+    x: np.ndarray | None = None
+    shapes: np.ndarray | None = None    #: (modes, points), complex if damped
     remarks: list[Remark] = field(default_factory=list)
-    onset: Optional[float] = None          #: start of the motion, behind a quiet lead-in
+    onset: float | None = None          #: start of the motion, behind a quiet lead-in
     used: int = 0                          #: samples that a fit uses
 
     @property

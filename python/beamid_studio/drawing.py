@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import math
-from typing import Optional
 
 import cases
 import numpy as np
@@ -120,7 +119,7 @@ def _word(text: str) -> str:
     return text if text.isascii() and text.isalpha() and len(text) < 8 else ""
 
 
-def modes(x: Optional[np.ndarray], shapes: Optional[np.ndarray], frequencies: np.ndarray,
+def modes(x: np.ndarray | None, shapes: np.ndarray | None, frequencies: np.ndarray,
           damping: np.ndarray, hertz: str = "Hz") -> str:
     """Return a moving picture of each of the lowest modes, all at the same pace."""
     if x is None or shapes is None or len(x) < 2:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any, Optional
+from typing import Any
 
 import page as h
 from nicegui import background_tasks, ui
@@ -12,10 +12,11 @@ from beamid_studio.session import Result
 from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, panel
 
 #: Parameters that the page offers: name, meaning, units of its standard deviation.
-OFFERED = (("E", "modulus of elasticity", MODULI), ("m_S", "mass of the sensor", MASSES),
-           ("c_D", "damping in the material", {}), ("gamma", "damping by the air", {}),
-           ("k_R", "stiffness of the clamp", {}), ("x_S", "place of the sensor", LENGTHS),
-           ("length", "of the beam", LENGTHS))
+OFFERED: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("E", "modulus of elasticity", MODULI), ("m_S", "mass of the sensor", MASSES),
+    ("c_D", "damping in the material", {}), ("gamma", "damping by the air", {}),
+    ("k_R", "stiffness of the clamp", {}), ("x_S", "place of the sensor", LENGTHS),
+    ("length", "of the beam", LENGTHS))
 KNOWN = (("width", "of the section", LENGTHS), ("height", "of the section", LENGTHS),
          ("density", "of the material", DENSITIES))
 #: Further parameters that may be estimated.
@@ -50,6 +51,7 @@ class FitStep:
     # -- inputs
 
     def choices_panel(self) -> None:
+        """Build the list of what is estimated and known."""
         number = self.studio.number
         with panel("Estimated and known", "Tick what the fit estimates. State the standard "
                    "deviation of what you have measured: the intervals then include it."):
@@ -92,6 +94,7 @@ class FitStep:
             self.studio.tell_at("stage", name.lower())
 
     def motion_panel(self) -> None:
+        """Build the choice of the number of modes."""
         with panel("Motion"):
             self.modes = ui.number("Modes in the record", min=1, max=20, step=1, precision=0,
                                    on_change=self.take_modes).props(
@@ -99,6 +102,7 @@ class FitStep:
             self.motion = ui.label("").classes("lead")
 
     def run_panel(self) -> None:
+        """Build the buttons and the progress."""
         with panel("") as box:
             box.classes("flat")
             with ui.element("div").classes("bar"):
@@ -203,7 +207,7 @@ class FitStep:
         if self.studio.unwritten:
             self.studio.unwritten = False
             await asyncio.to_thread(self.session.write_record)
-        result: Optional[Result] = await self.session.fit(self.hear)
+        result: Result | None = await self.session.fit(self.hear)
         if self.session.closed:
             return
         if result is None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any
 
 import numpy as np
 from nicegui import ui
@@ -22,7 +22,7 @@ async def open_path(studio: Any, path: Path) -> bool:
     session = studio.session
 
     def work() -> Any:
-        if path.is_dir() or path.suffix.lower() in (".nml", ".txt") and _is_case(path):
+        if path.is_dir() or (path.suffix.lower() in (".nml", ".txt") and _is_case(path)):
             session.open_case(path)
             return None
         if path.stat().st_size > session.limit:
@@ -43,7 +43,7 @@ class RecordStep:
 
     def __init__(self, studio: Any, onwards: Callable[[], None]) -> None:
         self.studio, self.session = studio, studio.session
-        self.view: Optional[tuple[float, float]] = None
+        self.view: tuple[float, float] | None = None
         self.muted = False
         with ui.element("div").classes("step"):
             with ui.element("div").classes("inputs"):
@@ -60,17 +60,19 @@ class RecordStep:
     # -- inputs
 
     def file_panel(self) -> None:
+        """Build the place to drop a file, and the facts about it."""
         with panel("Recorder's file"):
             ui.upload(label="Drop a file here, or choose one", auto_upload=True, max_files=None,
                       max_file_size=self.session.limit, on_upload=self.uploaded,
                       on_rejected=lambda: ui.notify(
-                          f"The file is larger than {self.session.limit // 10**6} MB, or of another "
-                          "kind.", type="negative")).props(
+                          f"The file is larger than {self.session.limit // 10**6} MB, or of "
+                          "another kind.", type="negative")).props(
                 f'flat accept="{",".join(SUFFIXES)}" data-field=file').classes("drop")
             self.facts = ui.element("div").classes("facts")
             self.tells = self.studio.tell_at("record", "file")
 
     def columns_panel(self) -> None:
+        """Build the lists of columns and units."""
         self.columns = panel("Columns and units")
         with self.columns:
             self.channel = ui.select([], label="Acceleration", on_change=self.choose).props(
@@ -91,6 +93,7 @@ class RecordStep:
             self.value_tells = self.studio.tell_at("record", "value", "values")
 
     def window_panel(self, onwards: Callable[[], None]) -> None:
+        """Build the fields of the window."""
         self.window = panel("Window of the fit", "Drag across the record. Begin when hands and "
                             "tools have let go; end while the signal is above the noise.")
         with self.window:
@@ -107,6 +110,7 @@ class RecordStep:
                     "unelevated dense no-caps padding='xs md' data-go=beam")
 
     def views_panel(self) -> None:
+        """Build the figures."""
         self.empty = ui.label("The record appears here: its samples, their spectrum, and the "
                               "natural frequencies of the beam.").classes("empty")
         self.shown = ui.element("div").classes("views")
@@ -150,6 +154,7 @@ class RecordStep:
             path.unlink(missing_ok=True)
 
     def choose(self) -> None:
+        """Take another column as the record."""
         if self.muted or self.session.recording is None or self.channel.value is None:
             return
         self.session.choose(int(self.channel.value))
@@ -157,6 +162,7 @@ class RecordStep:
         self.studio.changed(record=True)
 
     def set_unit(self) -> None:
+        """Take the unit of the record as the factor of the case."""
         if self.muted:
             return
         factor = ACCELERATIONS.get(self.unit.value, "")
@@ -171,6 +177,7 @@ class RecordStep:
         self.scale.input.set_visibility(self.unit.value == "other" or not in_si(self.session.case))
 
     def set_time_unit(self) -> None:
+        """Count the times of the file in another unit; the window keeps its samples."""
         if self.muted or self.session.recording is None:
             return
         old, new = self.session.recording.time_unit, self.time_unit.value
@@ -186,6 +193,7 @@ class RecordStep:
         self.studio.changed(record=True)
 
     def set_rate(self) -> None:
+        """Take the sampling rate of a file without times."""
         if self.muted or self.session.recording is None:
             return
         text = number_text(str(self.rate.value or ""))
@@ -204,7 +212,7 @@ class RecordStep:
             t = self.session.t
             self.set_window(None if low <= t[0] else low, None if high >= t[-1] else high)
 
-    def set_window(self, low: Optional[float], high: Optional[float]) -> None:
+    def set_window(self, low: float | None, high: float | None) -> None:
         """Limit the record to times that are rounded to the digits that the samples have."""
         for key, value in (("t_first", low), ("t_last", high)):
             self.session.case.set("record", key, None if value is None else
@@ -226,6 +234,7 @@ class RecordStep:
         self.zoom(tuple(float(end) for end in event.args) if event.args else None)
 
     def zoom(self, view: Any) -> None:
+        """Show these times of the record; None: all."""
         self.view = view
         self.draw_record()
 
@@ -294,9 +303,10 @@ class RecordStep:
             modes = self.session.found.frequencies[:8]
             key = (id(self.session.z), self.session.window, self.session.scale, tuple(modes))
             self.studio.follow_figure(self.spectrogram, key, lambda: views.spectrogram(
-                *self.studio.window_samples(), modes))
+                self.studio.window_samples(), modes))
 
     def draw_record(self) -> None:
+        """Redraw the record and its window."""
         session = self.session
         if not session.is_ready:
             return

@@ -1,10 +1,10 @@
-"""Recorders' files: the channels that the readers of `beamid to-csv` find, and the record of one."""
+"""Recorders' files: the channels that the readers of `beamid to-csv` find, one as the record."""
 from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any
 
 import channels as script_channels
 import numpy as np
@@ -112,7 +112,7 @@ def read(path: Path, name: str = "") -> Recording:
     if suffix not in to_csv.FORMATS:
         raise Unreadable(f"{name}: the page reads {' '.join(SUFFIXES)} and case files (.nml)"
                          + "; export the sheet as CSV" * suffix.startswith((".xls", ".ods")))
-    reader, module, package = to_csv.FORMATS[suffix]
+    reader, _module, package = to_csv.FORMATS[suffix]
     with READING:
         script_channels.REMARKS.clear()
         try:

@@ -1,4 +1,4 @@
-"""Results of fits: the components of the report, a comparison side by side, and further commands."""
+"""Results of fits: the components of the report, fits side by side, and further commands."""
 from __future__ import annotations
 
 import asyncio
@@ -279,8 +279,8 @@ def comparison(results: list[Result]) -> str:
             if row is None:
                 cells.append("not estimated")
                 continue
-            ends = [fit_page.value(row, f"total_{end}95") for end in ("lower", "upper")]
-            value, around = h.measured(fit_page.value(row, "estimate"), *ends, power)
+            low, high = (fit_page.value(row, f"total_{end}95") for end in ("lower", "upper"))
+            value, around = h.measured(fit_page.value(row, "estimate"), low, high, power)
             cells.append(h.Raw(f"{h.rich(value)}<br><small>{h.rich(around)}</small>"))
         rows.append([h.Raw(f"{h.symbol(name)} <span class='unit'>{html.escape(unit)}</span>"),
                      *cells])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 #: Seconds that the program gets to end after it has been told to.
 GRACE = 3.0
-ALL: set[Run] = set()
+ALL: set[Run] = set()    #: runs that have not ended
 
 
 @dataclass(eq=False)
@@ -38,7 +38,7 @@ class Run:
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE,
             start_new_session=True)
         try:
-            if self.cancelled:    # while the process was being started
+            if self.was_cancelled():    # while the process was being started
                 self.signal(signal.SIGINT)
             assert self.process.stderr is not None
             async for line in self.process.stderr:
@@ -52,6 +52,10 @@ class Run:
                 await asyncio.shield(self.process.wait())
             ALL.discard(self)
         return -2 if self.cancelled else self.status
+
+    def was_cancelled(self) -> bool:
+        """Return whether the user has cancelled the run, perhaps while it was being started."""
+        return self.cancelled
 
     def signal(self, number: int) -> None:
         """Send a signal to the program."""

@@ -8,7 +8,7 @@ import socket
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any
 from urllib.parse import parse_qs
 
 from nicegui import app, ui
@@ -22,9 +22,9 @@ LINGER = 6.0
 #: Largest body of a request that is no upload.
 SMALL = 1_000_000
 HEADERS = [
-    (b"content-security-policy",
-     b"default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; frame-ancestors 'none'; "
-     b"form-action 'self'; base-uri 'self'"),
+    (b"content-security-policy", (
+        b"default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; frame-ancestors 'none'; "
+        b"form-action 'self'; base-uri 'self'")),
     (b"referrer-policy", b"no-referrer"), (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"), (b"cross-origin-resource-policy", b"same-origin")]
 
@@ -33,7 +33,7 @@ HEADERS = [
 class Settings:
     """What the command line asks for."""
 
-    file: Optional[Path]    #: to open first
+    file: Path | None    #: to open first
     folder: Path            #: below which everything is written
     port: int
     limit: int              #: bytes of an upload

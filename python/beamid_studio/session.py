@@ -6,13 +6,13 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any, ClassVar
 
 import cases
 import numpy as np
 
 from beamid_studio import recordings, runs
-from beamid_studio.case_model import Case, quoted
+from beamid_studio.case_model import Case, number_text, quoted
 from beamid_studio.checks import Found, Remark, verdict_remarks
 
 #: A case to begin with: metres, newtons, seconds and kilograms, a free decay.
@@ -55,25 +55,29 @@ class Result:
 class Session:
     """The state behind one tab of the browser."""
 
-    every: set[Session] = set()
+    every: ClassVar[set[Session]] = set()
 
     def __init__(self, root: Path, limit: int) -> None:
         self.root, self.limit = root, limit
-        self.folder: Optional[Path] = None
+        self.folder: Path | None = None
         self.case = Case(NEW)
         self.name = ""                   #: of the file, as the user calls it
-        self.recording: Optional[recordings.Recording] = None
+        self.recording: recordings.Recording | None = None
         self.rate = ""                   #: samples per second of a file without times
         self.t = self.z = np.empty(0)    #: times [s] and values of the record
         self.missing = 0
         self.found = Found()
         self.results: list[Result] = []
-        self.run: Optional[runs.Run] = None
+        self.run: runs.Run | None = None
         self.listeners: list[Callable[[], Any]] = []
         self.closed = False
         Session.every.add(self)
 
     # -- the life of a tab
+
+    def is_closed(self) -> bool:
+        """Return whether the tab has been closed, perhaps during a computation."""
+        return self.closed
 
     def close(self) -> None:
         """End what the tab has started; its folder stays if it holds a fit."""
@@ -159,12 +163,9 @@ class Session:
         ends = [float(self.t[0]), float(self.t[-1])] if self.t.size else [0.0, 1.0]
         if self.found.onset is not None:
             ends[0] = self.found.onset
-        for k, key in enumerate(("t_first", "t_last")):
-            try:
-                ends[k] = float(self.case.get("record", key) or ends[k])
-            except ValueError:
-                continue
-        return ends[0], ends[1]
+        given = [number_text(self.case.get("record", key)) for key in ("t_first", "t_last")]
+        first, last = (float(text) if text else end for text, end in zip(given, ends))
+        return first, last
 
     def case_text(self) -> str:
         """Return the case file that a fit reads."""
@@ -172,7 +173,7 @@ class Session:
 
     # -- fits
 
-    async def fit(self, heard: Callable[[str], None]) -> Optional[Result]:
+    async def fit(self, heard: Callable[[str], None]) -> Result | None:
         """Fit the case as it stands; return nothing if the fit was cancelled."""
         assert self.folder is not None
         number = 1 + max((result.number for result in self.results), default=0)

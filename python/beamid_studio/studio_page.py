@@ -4,7 +4,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any
 
 import numpy as np
 from nicegui import background_tasks, ui
@@ -96,7 +96,7 @@ class Studio:
         await asyncio.sleep(PAUSE)
         async with self.turn:
             session = self.session
-            if version != self.version or session.closed:
+            if version != self.version or session.is_closed():
                 return
             case, ready = Case(session.case.text()), session.is_ready
             folder, t = session.folder, session.t
@@ -106,7 +106,7 @@ class Studio:
                 self.unwritten = False
                 await asyncio.to_thread(session.write_record)
             found = Found()
-            if session.closed:
+            if session.is_closed():
                 return
             ready = ready and (folder / "record.csv").exists()
             if is_described(case):
@@ -116,14 +116,14 @@ class Studio:
             elif ready:
                 await asyncio.to_thread(checks.check_record, case, folder, t, session.z,
                                         found)
-            if session.closed or version != self.version:
+            if session.is_closed() or version != self.version:
                 return
             moved = found.onset != session.found.onset
             session.found = found
             if self.spectrum is None or self.stale or moved:
                 self.stale = False
                 await self.transform()
-            if version == self.version and not session.closed:
+            if version == self.version and not session.is_closed():
                 self.show_found()
 
     async def transform(self) -> None:
@@ -255,7 +255,7 @@ def is_described(case: Case) -> bool:
                 and ((has_section and case.get("beam", "density")) or case.get("beam", "rho")))
 
 
-async def build(session: Session, first: Optional[Path]) -> None:
+async def build(session: Session, first: Path | None) -> None:
     """Build the page for a new tab, and open the file of the command line."""
     ui.add_css(style.sheet())
     ui.add_body_html(SCHEME)
@@ -288,6 +288,5 @@ async def build(session: Session, first: Optional[Path]) -> None:
 
     ui.on("scheme", scheme)
     tabs.on_value_change(lambda event: studio.show_step(event.value))
-    if first is not None:
-        if await record_step.open_path(studio, first) and session.results:
-            tabs.set_value("fit")
+    if first is not None and await record_step.open_path(studio, first) and session.results:
+        tabs.set_value("fit")

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import html
 import re
-from typing import Any, Optional
+from typing import Any
 
 import figures as f
 import numpy as np
@@ -51,7 +51,7 @@ def shown(text: str) -> str:
 
 
 def record(t: np.ndarray, values: np.ndarray, window: tuple[float, float], *, label: str, unit: str,
-           view: Optional[tuple[float, float]], mode: str) -> Any:
+           view: tuple[float, float] | None, mode: str) -> Any:
     """Return the figure of a record and the window of the fit.
 
     view  times that the figure shows; None: all
@@ -93,8 +93,12 @@ def spectrum_figure(known: Any, modes: np.ndarray, units: Any) -> Any:
     return figure
 
 
-def spectrogram(t: np.ndarray, values: np.ndarray, modes: np.ndarray) -> Any:
-    """Return the figure of the spectra of segments, which shows what changes during the motion."""
+def spectrogram(samples: tuple[np.ndarray, np.ndarray], modes: np.ndarray) -> Any:
+    """Return the figure of the spectra of segments, which shows what changes during the motion.
+
+    samples  times and values of the window
+    """
+    t, values = samples
     count = int(np.clip(len(t) // LEAST_SEGMENT, 1, SEGMENTS))
     length = int(np.clip(2 * len(t) // (count + 1), LEAST_SEGMENT, MOST_SEGMENT))
     starts = np.unique(np.linspace(0, max(len(t) - length, 0), count).astype(int))

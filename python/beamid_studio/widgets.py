@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Optional
+from typing import Any
 
 from nicegui import ui
 
@@ -29,7 +29,7 @@ class Tells:
         self.box = ui.column().classes("w-full gap-1")
         self.own = ""
 
-    def show(self, remarks: list[Remark], advise: Optional[Callable[[str], None]] = None) -> None:
+    def show(self, remarks: list[Remark], advise: Callable[[str], None] | None = None) -> None:
         """Show sentences in place of those before.
 
         advise  estimates a parameter that a sentence proposes
@@ -42,8 +42,9 @@ class Tells:
                 with ui.element("div").classes(f"tell {remark.kind}"):
                     ui.label(remark.text).classes("inline")
                     if remark.advice and advise:
-                        ui.button(f"Estimate {remark.advice}", on_click=lambda _, name=remark.advice:
-                                  advise(name)).props("flat dense no-caps size=sm color=primary")
+                        ui.button(f"Estimate {remark.advice}",
+                                  on_click=lambda _, name=remark.advice: advise(name)).props(
+                            "flat dense no-caps size=sm color=primary")
 
 
 class NumberField:
@@ -60,7 +61,7 @@ class NumberField:
                 f'data-field="{"-".join(place)}"')
             if hint:
                 self.input.props(f'hint="{hint}" hide-bottom-space')
-            self.select: Optional[ui.select] = None
+            self.select: ui.select | None = None
             with self.input.add_slot("append"):
                 if len(units) > 1:
                     self.select = ui.select(list(units), value=next(iter(units)),
@@ -111,6 +112,11 @@ class NumberField:
         else:
             self.case().set(*self.place, value)
         self.changed()
+
+
+def pair() -> Any:
+    """Return a part with two columns of fields."""
+    return ui.element("div").classes("pair")
 
 
 def panel(title: str, lead: str = "") -> Any:

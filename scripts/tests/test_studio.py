@@ -1,4 +1,4 @@
-"""The page of `beamid studio` in a headless Chromium: from a recorder's file to a case and a report.
+"""The page of `beamid studio` in a headless Chromium: from a recorder's file to case and report.
 
 The screenshots are in out/screenshots. Without NiceGUI, the package beamid, Playwright or Chromium
 the tests are skipped; `scripts/setup.sh studio` and `scripts/setup.sh browser` install them.
@@ -23,8 +23,8 @@ pytest.importorskip("nicegui", reason="no NiceGUI: scripts/setup.sh studio")
 pytest.importorskip("beamid", reason="no package beamid: scripts/setup.sh studio")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-import beamid_command  # noqa: E402
-import text_tables  # noqa: E402
+import beamid_command
+import text_tables
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 SCREENSHOTS = CHECKOUT / "out" / "screenshots"
@@ -145,7 +145,7 @@ def tab(browser, server):
 
 
 def with_faults(page):
-    """Collects errors of JavaScript. Plotly refuses to resize a figure that has just been hidden."""
+    """Collects errors of JavaScript. Plotly does not resize a figure that has just been hidden."""
     page.faults = []
     page.on("pageerror", lambda error: page.faults.append(str(error))
             if "Resize must be passed" not in str(error) else None)
@@ -215,7 +215,7 @@ def look(page, name):
 
 def test_from_record_to_case(tab, server, example, tmp_path):
     """A file in ms and g with a quiet lead-in becomes a case that repeats the fit exactly."""
-    t, a = example
+    _t, a = example
     quiet = 0.002 * np.random.default_rng(1).standard_normal(500)
     both = np.concatenate([quiet, a]) / 9.80665 + 0.02
     times = 2.0 * np.arange(both.size)
@@ -301,7 +301,7 @@ def test_mistakes_before_the_fit(tab, example, tmp_path):
 
 def test_mistakes_after_the_fit(tab, example, tmp_path):
     """What only a fit can show is named after it: an offset, and a wrong rate."""
-    t, a = example
+    _t, a = example
     (tmp_path / "values.csv").write_text("a\n" + "".join(f"{x + 3!r}\n" for x in a.tolist()))
     tab.set_input_files("input[type=file]", tmp_path / "values.csv")
     tab.fill("[data-field=rate]", "1000", timeout=WAIT)    # it is 500
@@ -524,8 +524,8 @@ def test_case_of_the_page():
     case.free = ["E"]
     case.set("beam", "length", "0.5")
     case.set_prior("E", None)
-    assert case.text() == ("&beam    length=0.5, E=2 /\n&along   parameter='E', x=0,1, value=1,2 /\n"
-                           "&stage   free='E' /\n")
+    assert case.text() == ("&beam    length=0.5, E=2 /\n"
+                           "&along   parameter='E', x=0,1, value=1,2 /\n&stage   free='E' /\n")
     remark, = verdict_remarks("k_R, which the model leaves out, is significant: with k_R = 10 J "
                               "falls by 9 %; add 'k_R'\n    to free\n\nrecord 1: 10 samples")
     assert (remark.field, remark.advice) == (("beam", "k_r"), "k_R")
@@ -533,7 +533,7 @@ def test_case_of_the_page():
 
 def test_needs_nothing_for_import():
     """The package beamid can be imported without what the studio needs."""
-    done = subprocess.run([sys.executable, "-c", "import json, sys, beamid; print(json.dumps("
-                           "[name for name in ('nicegui', 'plotly', 'matplotlib', 'fastapi') "
-                           "if name in sys.modules]))"], capture_output=True, text=True, check=True)
+    code = ("import json, sys, beamid; print(json.dumps([name for name in ('nicegui', 'plotly', "
+            "'matplotlib', 'fastapi') if name in sys.modules]))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == []
