@@ -31,12 +31,12 @@ class FitStep:
         self.studio, self.session = studio, studio.session
         self.muted = False
         self.boxes: dict[str, ui.checkbox] = {}
-        with ui.element("div").classes("step even long"):
+        with ui.element("div").classes("step even"):
             with ui.element("div").classes("inputs"):
                 self.choices_panel()
                 self.motion_panel()
-                self.run_panel()
             with ui.element("div").classes("views"):
+                self.run_panel()
                 self.results = studio.results = results.Results(studio, self.work, self.hear)
         inherited = studio.refresh_choices
 

@@ -310,10 +310,9 @@ class RecordStep:
         session = self.session
         if not session.is_ready:
             return
-        recording = session.recording
-        label = recording.channel.name if recording else "record"
-        unit = "" if not recording else recording.channel.unit
-        key = (id(session.z), session.window, self.view, self.mode.value)
+        label = session.recording.channel.name if session.recording else "record"
+        unit = self.unit.value if self.unit.value in BY_FACTOR.values() else ""
+        key = (id(session.z), session.window, self.view, self.mode.value, unit)
         self.studio.follow_figure(self.chart, key, lambda: views.record(
             session.t, session.z, session.window, label=label, unit=unit, view=self.view,
             mode=self.mode.value))

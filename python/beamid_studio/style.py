@@ -36,8 +36,6 @@ a { color: var(--link); }
   width: 100%; align-items: start; }
 .step.even { grid-template-columns: minmax(0, 31rem) minmax(0, 1fr); }
 .inputs, .views { display: flex; flex-direction: column; gap: 1rem; min-width: 0; width: 100%; }
-.views { position: sticky; top: 4.6rem; }
-.long .views { position: static; }
 .panel { border: 1px solid var(--line); border-radius: .6rem; padding: 1rem 1.1rem 1.1rem;
   width: 100%; display: flex; flex-direction: column; gap: .7rem; min-width: 0; }
 .panel.flat { border: 0; padding: 0; }
@@ -76,7 +74,6 @@ a { color: var(--link); }
 .bar { display: flex; align-items: center; gap: .6rem; width: 100%; flex-wrap: wrap; }
 .bar .title { margin-right: auto; }
 .q-btn { text-transform: none; letter-spacing: 0; border-radius: .45rem; }
-.body--dark .q-btn--outline, .body--dark .q-btn--flat { color: var(--link) !important; }
 .q-btn-group { box-shadow: none; border: 1px solid var(--line); border-radius: .45rem; }
 .drawing { width: 100%; height: auto; display: block; max-width: 60rem; }
 .drawing, .modes svg { fill: none; stroke: var(--ink); stroke-width: 2; }
@@ -112,7 +109,7 @@ a { color: var(--link); }
 .better { background: var(--free-back); }
 .q-notification { max-width: 34rem; } .js-plotly-plot .plotly .modebar { right: 2px !important; }
 @media (max-width: 1000px) { .step, .step.even { grid-template-columns: minmax(0, 1fr); }
-  .views { position: static; } .what { display: none; }
+  .what { display: none; }
   .top { padding: 0 .8rem; } .steps .q-tab-panel { padding: 1rem .8rem 3rem; } }
 @media (max-width: 640px) { .brand small { display: none; } .top .q-tab { padding: 0 .55rem; } }
 """
@@ -121,4 +118,4 @@ a { color: var(--link); }
 def sheet() -> str:
     """Return the whole style sheet."""
     return (f":root {{ {h.LIGHT} }}\nbody.body--dark {{ {h.DARK} }}\n"
-            "body.body--dark { color-scheme: dark; }\n" + OWN + report_style())
+            "body.body--dark { color-scheme: dark; --q-primary: #3a93d2; }\n" + OWN + report_style())
