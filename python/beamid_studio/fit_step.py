@@ -106,7 +106,7 @@ class FitStep:
         with panel("") as box:
             box.classes("flat")
             with ui.element("div").classes("bar"):
-                self.go = ui.button("Fit", on_click=self.start).props(
+                self.go = ui.button("Run the fit", on_click=self.start).props(
                     "unelevated no-caps padding='sm xl' data-go=run")
                 self.stop = ui.button("Cancel", on_click=self.cancel).props(
                     "outline no-caps padding='sm md' data-go=cancel")

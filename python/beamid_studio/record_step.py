@@ -88,6 +88,9 @@ class RecordStep:
                         "outlined dense options-dense data-field=time-unit")
                     self.rate = ui.input("Samples per second", on_change=self.set_rate).props(
                         "outlined dense stack-label debounce=300 data-field=rate")
+            self.unstated = ui.label("The file states no unit of this column: choose it. The scale "
+                                     "has no effect on the frequencies, only on accelerations."
+                                     ).classes("tell note")
             self.scale = self.studio.number("record", "scale", "Factor to m/s²", {})
             self.time_tells = self.studio.tell_at("record", "times", "times")
             self.value_tells = self.studio.tell_at("record", "value", "values")
@@ -165,6 +168,7 @@ class RecordStep:
         """Take the unit of the record as the factor of the case."""
         if self.muted:
             return
+        self.unstated.set_visibility(False)
         factor = ACCELERATIONS.get(self.unit.value, "")
         if factor:
             self.session.case.set("record", "scale", factor if factor != "1" else None)
@@ -254,13 +258,16 @@ class RecordStep:
             self.time_unit.value = recording.time_unit
             self.rate.value = session.rate
         self.channel.set_visibility(bool(recording))
-        self.time_unit.set_visibility(bool(recording and recording.has_times))
+        # The reader has converted times whose unit the file states, unless these are seconds.
+        self.time_unit.set_visibility(bool(recording and recording.has_times
+                                           and not recording.is_converted))
         self.rate.set_visibility(bool(recording and not recording.has_times))
         factor = number_text(session.case.get("record", "scale") or "1") or "1"
         unit = BY_FACTOR.get(factor, "other")
         if recording and not recording.unit and factor == "1":
             unit = "m/s²"
         self.unit.value = unit
+        self.unstated.set_visibility(bool(recording and not recording.unit))
         self.unit.set_visibility(in_si(session.case))
         self.scale.write()
         self.show_scale()

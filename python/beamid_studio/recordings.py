@@ -57,6 +57,11 @@ class Recording:
         return self.channel.times is not None
 
     @property
+    def is_converted(self) -> bool:
+        """Whether the reader has converted the times to seconds."""
+        return any(note.startswith("times ") for note in self.channel.notes)
+
+    @property
     def unit(self) -> str:
         """The unit of the record in the list ACCELERATIONS; '' if the file states none of them."""
         return WRITTEN.get(self.channel.unit.strip().lower().replace("²", "^2"), "")

@@ -118,4 +118,5 @@ a { color: var(--link); }
 def sheet() -> str:
     """Return the whole style sheet."""
     return (f":root {{ {h.LIGHT} }}\nbody.body--dark {{ {h.DARK} }}\n"
-            "body.body--dark { color-scheme: dark; --q-primary: #3a93d2; }\n" + OWN + report_style())
+            "body.body--dark { color-scheme: dark; --q-primary: #3a93d2 !important; }\n"
+            + OWN + report_style())

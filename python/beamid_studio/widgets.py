@@ -57,8 +57,9 @@ class NumberField:
         self.factor = next(iter(units.values()), "1")
         with ui.element("div").classes("field"):
             self.input = ui.input(label, on_change=self.read).props(
-                f'outlined dense stack-label debounce=250 inputmode=decimal autocomplete=off '
-                f'data-field="{"-".join(place)}"')
+                f'outlined dense {"stack-label" if label else ""} debounce=250 inputmode=decimal '
+                f'autocomplete=off data-field="{"-".join(place)}" '
+                f'aria-label="{label or "standard deviation of " + sd}"')
             if hint:
                 self.input.props(f'hint="{hint}" hide-bottom-space')
             self.select: ui.select | None = None
