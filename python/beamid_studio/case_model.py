@@ -1,7 +1,7 @@
 """A case file that the page edits: its groups in their order, and their values as text."""
 from __future__ import annotations
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 
 import cases
 
@@ -26,7 +26,7 @@ def number_text(text: str, factor: str = "1", divide: bool = False) -> str | Non
     try:
         value = Decimal(text.strip().replace(",", ".").lower().replace("d", "e"))
         value = value / Decimal(factor) if divide else value * Decimal(factor)
-    except InvalidOperation:
+    except ArithmeticError:
         return None
     if not value.is_finite():
         return None

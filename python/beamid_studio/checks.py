@@ -107,10 +107,12 @@ def modes_of(case: Case, folder: Path, found: Found) -> None:
 PLACEHOLDER = "&beam length=1, E={modulus!r}, rho=1, I=1 /"
 
 
-def check_record(case: Case, folder: Path, t: np.ndarray, z: np.ndarray, found: Found) -> None:
+def check_record(case: Case, folder: Path, t: np.ndarray, z: np.ndarray, found: Found,
+                 used: dict[str, np.ndarray]) -> None:
     """Add what the program says of the record alone, while the beam is not described yet.
 
     t, z  (m) times and values of the record
+    used  as `check_fit` takes it
     """
     part = slice(0, 100_000)
     frequency = signals.lowest_mode(t[part], z[part]) or 10 / (t[-1] - t[0])
@@ -118,27 +120,32 @@ def check_record(case: Case, folder: Path, t: np.ndarray, z: np.ndarray, found: 
     trial = Case(PLACEHOLDER.format(modulus=modulus))
     trial.groups += [group for group in Case(case.text()).groups
                      if group[0] in ("excitation", "record")]
-    check_fit(trial, folder, t, found)
+    check_fit(trial, folder, t, found, used)
 
 
-def check_fit(case: Case, folder: Path, samples: np.ndarray, found: Found) -> None:
+def check_fit(case: Case, folder: Path, samples: np.ndarray, found: Found,
+              used: dict[str, np.ndarray]) -> None:
     """Add the program's checks of a case with its record, without the search.
 
     The case is opened as for a fit. A fit of the offset alone then tells which samples are used.
 
     samples  (m) times of the record
+    used     times that a fit uses, by the groups that decide on them; extended on return
     """
-    trial = Case(case.text())
-    trial.remove("stage")
-    trial.add("stage").update(free=["'offset'"], start=["'case'"])
-    trial.remove("multistart")
     path = folder / "check.nml"
+    key = case.text(("record", "excitation"))
     try:
         if case.all("stage"):
             path.write_text(case.text(), encoding="utf-8")
             beamid.load(path)
-        path.write_text(trial.text(), encoding="utf-8")
-        t = beamid.load(path).fit(judge=False).t
+        if key not in used:
+            trial = Case(case.text())
+            trial.remove("stage")
+            trial.remove("multistart")
+            trial.add("stage").update(free=["'offset'"], start=["'case'"])
+            path.write_text(trial.text(), encoding="utf-8")
+            used[key] = beamid.load(path).fit(judge=False).t
+        t = used[key]
     except beamid.BeamidError as error:
         found.remarks += [remark_of(line, "error") for line in str(error).splitlines()
                           if line not in {remark.text for remark in found.remarks}]

@@ -1,7 +1,6 @@
 """The third step: what is estimated and what is known, the run, and the results."""
 from __future__ import annotations
 
-import asyncio
 from typing import Any
 
 import page as h
@@ -204,9 +203,7 @@ class FitStep:
 
     async def fit(self) -> None:
         """Write what has changed, run the program, and show what it found."""
-        if self.studio.unwritten:
-            self.studio.unwritten = False
-            await asyncio.to_thread(self.session.write_record)
+        await self.studio.write_record()
         result: Result | None = await self.session.fit(self.hear)
         if self.session.closed:
             return

@@ -28,7 +28,7 @@ async def open_path(studio: Any, path: Path) -> bool:
         if path.stat().st_size > session.limit:
             raise recordings.Unreadable(f"{path.name}: is larger than {session.limit // 10**6} MB; "
                                         "--limit sets the limit")
-        return recordings.read(path)
+        return recordings.read(path, limit=session.limit)
 
     return bool(await studio.open(work))
 
@@ -152,7 +152,7 @@ class RecordStep:
         path = self.session.root / f".upload-{id(self):x}{suffix}"
         try:
             await event.file.save(path)
-            await self.studio.open(lambda: recordings.read(path, name))
+            await self.studio.open(lambda: recordings.read(path, name, self.session.limit))
         finally:
             path.unlink(missing_ok=True)
 
@@ -160,6 +160,7 @@ class RecordStep:
         """Take another column as the record."""
         if self.muted or self.session.recording is None or self.channel.value is None:
             return
+        self.session.renew_record()
         self.session.choose(int(self.channel.value))
         self.loaded()
         self.studio.changed(record=True)
@@ -185,6 +186,7 @@ class RecordStep:
         if self.muted or self.session.recording is None:
             return
         old, new = self.session.recording.time_unit, self.time_unit.value
+        self.session.renew_record()
         self.session.recording.time_unit = new
         self.session.load_samples()
         for key in ("t_first", "t_last"):
@@ -203,6 +205,7 @@ class RecordStep:
         text = number_text(str(self.rate.value or ""))
         if text is None or float(text) <= 0:
             return
+        self.session.renew_record()
         self.session.rate = text
         self.session.load_samples()
         self.view = None

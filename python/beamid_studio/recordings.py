@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import threading
+import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -105,10 +106,11 @@ def in_seconds(times: np.ndarray, unit: str) -> np.ndarray:
     return times * MULTIPLES[unit] if unit in MULTIPLES else times / PARTS[unit]
 
 
-def read(path: Path, name: str = "") -> Recording:
+def read(path: Path, name: str = "", limit: int = 0) -> Recording:
     """Read a recorder's file.
 
-    name  what the user calls the file, for messages
+    name   what the user calls the file, for messages
+    limit  most bytes of what an archive holds; 0: any
 
     Raises Unreadable with one sentence.
     """
@@ -118,6 +120,8 @@ def read(path: Path, name: str = "") -> Recording:
         raise Unreadable(f"{name}: the page reads {' '.join(SUFFIXES)} and case files (.nml)"
                          + "; export the sheet as CSV" * suffix.startswith((".xls", ".ods")))
     reader, _module, package = to_csv.FORMATS[suffix]
+    if suffix in (".zip", ".npz") and limit and unpacked(path) > limit:
+        raise Unreadable(f"{name}: holds more than {limit // 10**6} MB; --limit sets the limit")
     with READING:
         script_channels.REMARKS.clear()
         try:
@@ -138,6 +142,15 @@ def read(path: Path, name: str = "") -> Recording:
     recording = Recording(name, named, texts, remarks)
     recording.chosen = likely(named)
     return recording
+
+
+def unpacked(path: Path) -> int:
+    """Return how many bytes the files of an archive have; 0 if it cannot be read."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return sum(member.file_size for member in archive.infolist())
+    except (OSError, zipfile.BadZipFile):
+        return 0
 
 
 def likely(named: list[tuple[str, Any]]) -> int:

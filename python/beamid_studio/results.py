@@ -21,6 +21,7 @@ from output_folder import Outputs
 from program import Failure
 
 from beamid_studio import checks, drawing
+from beamid_studio.case_model import quoted
 from beamid_studio.session import Result
 
 FIGURE = re.compile(r'<figure class="plot">.*?<script type="application/json">(.*?)</script>(.*?)'
@@ -232,7 +233,7 @@ class Results:
             async def go() -> None:
                 dialog.close()
                 if name.value and window.value and hop.value:
-                    await self.infer("track", result, f"&track parameter='{name.value}', "
+                    await self.infer("track", result, f"&track parameter={quoted(name.value)}, "
                                      f"window={window.value!r}, hop={hop.value!r} /\n")
 
             with ui.row():

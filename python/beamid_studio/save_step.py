@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import cases
 import page as h
 from nicegui import ui
 
@@ -28,8 +29,9 @@ def pack(session: Session) -> Path:
     (session.folder / "case.nml").write_text(session.case_text(), encoding="utf-8")
     path = session.folder / "case.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
-        for file in (session.folder / "case.nml", *sorted(session.folder.glob("*.csv"))):
-            archive.write(file, f"{session.folder.name}/{file.name}")
+        named = {cases.unquoted(keys["file"]) for _, keys in session.case.groups if "file" in keys}
+        for file in ("case.nml", *sorted(named)):
+            archive.write(session.folder / file, f"{session.folder.name}/{file}")
     return path
 
 
@@ -41,9 +43,7 @@ def build(studio: Any) -> None:
         if not session.folder or not (session.is_ready or session.case.get("record", "file")):
             ui.notify("Open a recorder's file first.", type="warning")
             return
-        if studio.unwritten:
-            studio.unwritten = False
-            await asyncio.to_thread(session.write_record)
+        await studio.write_record()
         path = await asyncio.to_thread(pack, session)
         ui.download.file(path, f"{session.folder.name}.zip")
 

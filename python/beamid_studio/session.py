@@ -67,6 +67,7 @@ class Session:
         self.t = self.z = np.empty(0)    #: times [s] and values of the record
         self.missing = 0
         self.found = Found()
+        self.used: dict[str, np.ndarray] = {}    #: times that a fit uses, by the case of the record
         self.results: list[Result] = []
         self.run: runs.Run | None = None
         self.listeners: list[Callable[[], Any]] = []
@@ -133,6 +134,11 @@ class Session:
         self.case.set("record", "scale", factor if factor not in ("", "1") else None)
         self.load_samples()
 
+    def renew_record(self) -> None:
+        """Give the record a new file before it changes, if a fit has used the present one."""
+        if self.results:
+            self.case.set("record", "file", quoted(f"record_{len(self.results) + 1}.csv"))
+
     def load_samples(self) -> None:
         """Take times and values of the channel, in seconds and in the unit of the file."""
         assert self.recording is not None
@@ -141,7 +147,15 @@ class Session:
     def write_record(self) -> None:
         """Write the record as the table that the case names."""
         if self.recording and self.folder and self.is_ready:
-            self.recording.write(self.folder / "record.csv", float(self.rate or 0))
+            self.used.clear()
+            self.recording.write(self.record_file, float(self.rate or 0))
+
+    @property
+    def record_file(self) -> Path:
+        """The table of the record, in the folder of the tab."""
+        assert self.folder is not None
+        # The name is one of those that the page has given, whatever the case file said.
+        return self.folder / Path(self.case.get("record", "file") or "record.csv").name
 
     @property
     def is_ready(self) -> bool:

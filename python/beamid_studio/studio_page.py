@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,36 +96,50 @@ class Studio:
         """Ask the program about the input, unless a later input has come."""
         await asyncio.sleep(PAUSE)
         async with self.turn:
-            session = self.session
-            if version != self.version or session.is_closed():
+            if version != self.version or self.session.is_closed():
                 return
-            case, ready = Case(session.case.text()), session.is_ready
-            folder, t = session.folder, session.t
-            if folder is None:
-                folder = session.begin("beam")
-            if self.unwritten:
-                self.unwritten = False
-                await asyncio.to_thread(session.write_record)
-            found = Found()
-            if session.is_closed():
-                return
-            ready = ready and (folder / "record.csv").exists()
-            if is_described(case):
-                await asyncio.to_thread(checks.modes_of, case, folder, found)
-                if ready and not found.has_errors:
-                    await asyncio.to_thread(checks.check_fit, case, folder, t, found)
-            elif ready:
-                await asyncio.to_thread(checks.check_record, case, folder, t, session.z,
-                                        found)
-            if session.is_closed() or version != self.version:
-                return
-            moved = found.onset != session.found.onset
-            session.found = found
-            if self.spectrum is None or self.stale or moved:
-                self.stale = False
-                await self.transform()
-            if version == self.version and not session.is_closed():
-                self.show_found()
+            try:
+                await self.ask(version)
+            except FileNotFoundError:
+                # The folder goes with its tab, perhaps during a computation.
+                if not self.session.is_closed():
+                    raise
+
+    async def ask(self, version: int) -> None:
+        """Ask the program about the input as it stands, and show what it says."""
+        session = self.session
+        case, found = Case(session.case.text()), Found()
+        folder = session.folder or session.begin("beam")
+        await self.write_record()
+        ready = session.is_ready and session.record_file.exists()
+        described = is_described(case)
+        if described:
+            await asyncio.to_thread(checks.modes_of, case, folder, found)
+            if version == self.version:    # the frequencies do not wait for the record
+                found.onset, found.used = session.found.onset, session.found.used
+                session.found = replace(found)
+                self.draw_now()
+        if described and ready and not found.has_errors:
+            found.onset = None
+            await asyncio.to_thread(checks.check_fit, case, folder, session.t, found, session.used)
+        elif ready and not described:
+            await asyncio.to_thread(checks.check_record, case, folder, session.t, session.z, found,
+                                    session.used)
+        if version != self.version or session.is_closed():
+            return
+        moved = found.onset != session.found.onset
+        session.found = found
+        if self.spectrum is None or self.stale or moved:
+            self.stale = False
+            await self.transform()
+        if version == self.version and not session.is_closed():
+            self.show_found()
+
+    async def write_record(self) -> None:
+        """Write the record, if it has changed."""
+        if self.unwritten:
+            self.unwritten = False
+            await asyncio.to_thread(self.session.write_record)
 
     async def transform(self) -> None:
         """Compute the spectrum of the window."""

@@ -11,7 +11,7 @@ import page as h
 import signals as s
 
 #: Columns of a curve through the extremes of a long record.
-COLUMNS = 1200
+COLUMNS = 900
 SEGMENTS = 80        #: columns of a spectrogram
 LEAST_SEGMENT = 64   #: samples of a segment
 MOST_SEGMENT = 4096
