@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from nicegui import app, ui
+from nicegui import app, background_tasks, ui
+from nicegui.server import Server
 
 from beamid_studio import studio_page
 from beamid_studio.session import Session
@@ -214,9 +215,15 @@ def serve(settings: Settings) -> int:
     if not settings.stay:
         end_with_last_tab()
     app.on_shutdown(Session.close_all)
-    app.on_startup(lambda: print(
-        f"beamid studio: http://{HOST}:{port}/?token={token}\n"
-        f"It writes below {settings.folder}. Ctrl-C ends it.", flush=True))
+
+    async def tell() -> None:
+        """Print the address as soon as the server listens."""
+        while not Server.instance.started:
+            await asyncio.sleep(0.02)
+        print(f"beamid studio: http://{HOST}:{port}/?token={token}\n"
+              f"It writes below {settings.folder}. Ctrl-C ends it.", flush=True)
+
+    app.on_startup(lambda: background_tasks.create(tell(), name="tell"))
     # Ctrl-C is the usual end, after the server has closed everything.
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(host=HOST, port=port, reload=False, show_welcome_message=False,

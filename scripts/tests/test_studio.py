@@ -169,13 +169,19 @@ def upload(page, path):
 def pick(page, name, text):
     """Chooses from a list."""
     page.click(f"[data-field={name}]")
-    page.locator(".q-menu .q-item").get_by_text(text, exact=True).click()
+    choose(page, text)
 
 
 def pick_unit(page, name, text):
     """Chooses the unit of a number."""
     page.locator(f".field:has([data-field={name}]) .q-field__append .q-select").click()
+    choose(page, text)
+
+
+def choose(page, text):
+    """Chooses from the list that is open, and waits until it has gone."""
     page.locator(".q-menu .q-item").get_by_text(text, exact=True).click()
+    page.wait_for_selector(".q-menu", state="detached", timeout=WAIT)
 
 
 def describe(page, **values):
