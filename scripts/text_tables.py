@@ -142,7 +142,7 @@ def read_quickly(text, columns):
             lines.append((at, line.rstrip("\r\n")))
         at += len(line)
     first, mark = first_row(lines, columns)
-    if first is None or not mark:
+    if first is None or not mark or first + 2 > len(lines):    # two rows tell a column of times
         return None, text
     rows = text[lines[first][0]:]
     if '"' in rows or "#" in rows:
