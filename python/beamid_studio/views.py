@@ -1,8 +1,10 @@
 """Figures of the page: the report's, and those of a record before a fit."""
 from __future__ import annotations
 
+import copy
 import html
 import re
+from functools import lru_cache
 from typing import Any
 
 import figures as f
@@ -50,6 +52,22 @@ def shown(text: str) -> str:
     return html.escape(" ".join(text.split()), quote=False)
 
 
+@lru_cache(maxsize=8)
+def frame(label: str, unit: str) -> Any:
+    """Return the figure of a record without its samples: the same for every window and zoom."""
+    figure = f.new(330, f.label("time", "s"), f.label(shown(label), shown(unit)),
+                   margin=dict(t=14))
+    for name, tone in (("record", "grey"), ("window", "blue")):
+        figure.add_scatter(name=name, line=dict(color=f.colour(tone), width=1),
+                           marker=dict(color=f.colour(tone), size=4), hoverinfo="x+y")
+    figure.add_vrect(x0=0, x1=1, fillcolor=f.colour("band"), opacity=0.35,
+                     line=dict(color=f.colour("blue"), width=1), layer="below")
+    figure.update_layout(showlegend=False, selectdirection="h",
+                         newselection=dict(line=dict(color=f.colour("blue"), width=1)))
+    figure.update_yaxes(fixedrange=True)
+    return figure.to_plotly_json()
+
+
 def record(t: np.ndarray, values: np.ndarray, window: tuple[float, float], *, label: str, unit: str,
            view: tuple[float, float] | None, mode: str) -> Any:
     """Return the figure of a record and the window of the fit.
@@ -57,27 +75,19 @@ def record(t: np.ndarray, values: np.ndarray, window: tuple[float, float], *, la
     view  times that the figure shows; None: all
     mode  what dragging does: "select" sets the window, "zoom" shows a part
     """
-    figure = f.new(330, f.label("time", "s"), f.label(shown(label), shown(unit)),
-                   margin=dict(t=14))
+    figure = copy.deepcopy(frame(label, unit))
     low, high = view or (float(t[0]), float(t[-1]))
     first, last = np.searchsorted(t, [low, high], side="left")
     part = slice(max(int(first) - 1, 0), min(int(last) + 1, len(t)))
     x, y = s.envelope(t[part], values[part], COLUMNS)
-    few = part.stop - part.start < f.MARKED
-    figure.add_scatter(x=x, y=y, mode="lines+markers" if few else "lines", name="record",
-                         line=dict(color=f.colour("grey"), width=1),
-                         marker=dict(color=f.colour("grey"), size=4), hoverinfo="x+y")
     inside = (x >= window[0]) & (x <= window[1])
-    figure.add_scatter(x=x[inside], y=y[inside], mode="lines+markers" if few else "lines",
-                         name="window", line=dict(color=f.colour("blue"), width=1),
-                         marker=dict(color=f.colour("blue"), size=4), hoverinfo="x+y")
-    figure.add_vrect(x0=window[0], x1=window[1], fillcolor=f.colour("band"), opacity=0.35,
-                     line=dict(color=f.colour("blue"), width=1), layer="below")
-    figure.update_xaxes(range=[low, high])
-    figure.update_layout(showlegend=False, dragmode=mode, selectdirection="h", selections=[],
-                         newselection=dict(line=dict(color=f.colour("blue"), width=1)),
-                         uirevision=f"{mode}{low}{high}")
-    figure.update_yaxes(fixedrange=True)
+    for trace, seen in zip(figure["data"], (slice(None), inside)):
+        trace |= dict(x=x[seen], y=y[seen], mode="lines+markers" if part.stop - part.start
+                      < f.MARKED else "lines")
+    layout = figure["layout"]
+    layout["xaxis"]["range"] = [low, high]
+    layout["shapes"][0] |= dict(x0=window[0], x1=window[1])
+    layout |= dict(dragmode=mode, selections=[], uirevision=f"{mode}{low}{high}")
     return figure
 
 
