@@ -1,8 +1,9 @@
 """The command `beamid` of the Python package.
 
-`beamid report`, `beamid plot KIND` and `beamid to-csv` run a script of the package. Every other
-command runs the program of the package, which shares its library with the module `beamid`. This
-module imports neither numpy nor `beamid`, so that the program starts at once.
+`beamid report`, `beamid plot KIND` and `beamid to-csv` run a script of the package, and `beamid
+studio` its page in the browser. Every other command runs the program of the package, which shares
+its library with the module `beamid`. This module imports neither numpy nor `beamid`, so that the
+program starts at once.
 """
 from __future__ import annotations
 
@@ -23,6 +24,7 @@ Commands of the Python package:
   report [DIR]              write DIR/report.html, a page about a fit
   plot KIND DIR|case.nml    draw a picture; 'beamid plot' lists the kinds
   to-csv FILE               convert a recorder's file to columns
+  studio [FILE]             open a page that leads from a record to a report
 """
 
 
@@ -73,7 +75,8 @@ def plot(words: list[str]) -> int:
 def main() -> int:
     """Runs the command in `sys.argv`, and returns the exit status."""
     words = sys.argv[1:]
-    if len(words) > 1 and words[0] == "help" and words[1] in ("report", "plot", "to-csv"):
+    if len(words) > 1 and words[0] == "help" and words[1] in ("report", "plot", "to-csv",
+                                                              "studio"):
         words = [*words[1:], "--help"]
     if words[:1] == ["report"]:
         return run_script("report", "report", *words[1:])
@@ -81,6 +84,8 @@ def main() -> int:
         return plot(words[1:])
     if words[:1] == ["to-csv"]:
         return run_script("to_csv", "to-csv", *words[1:])
+    if words[:1] == ["studio"]:
+        return run(sys.executable, "-m", "beamid_studio", *words[1:])
     if not PROGRAM.exists():
         print(f"beamid: found no program {PROGRAM}; install the package again", file=sys.stderr)
         return 1

@@ -88,7 +88,8 @@ def read_samples(case, keys):
     z = text_tables.numbers(table, places[-1])
     if z is None or len(z) < 8 or not np.isfinite(z).all():
         fail(f"{path}: column {places[-1] + 1}: found {0 if z is None else np.isfinite(z).sum()} "
-             f"numbers in {len(table.rows)} rows, expected 8 or more, and one in each row")
+             f"numbers in {len(z) if z is not None else len(table.rows)} rows, expected 8 or more, "
+             "and one in each row")
     t = np.arange(len(z)) / rate if rate else text_tables.times_of(table, places[0])[0]
     if t is None:
         fail(f"{path}: column {places[0] + 1}: found text, expected times")

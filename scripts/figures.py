@@ -171,12 +171,12 @@ def cycles(t, measured, band, curve, units):
     return figure
 
 
-def spectra(t, series, modes, units, names=("record", "model", "residual")):
+def spectra(t, series, modes, units, names=("record", "model", "residual"), known=None):
     """Draws amplitude spectra of time series, both axes logarithmic, and marks frequencies of
-    modes."""
+    modes. `known` has the spectra if they have been computed."""
     figure = new(400, label("frequency", units.hertz),
                  label("amplitude", units.get("acceleration")))
-    f, *amplitudes = s.spectrum(t, *series)
+    f, *amplitudes = known or s.spectrum(t, *series)
     tones = ("ink", "blue", "vermilion")
     for amplitude, name, tone, width in zip(amplitudes, names, tones, (1.6, 1.2, 1)):
         x, y = s.highest(f, amplitude)

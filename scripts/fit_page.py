@@ -210,7 +210,8 @@ class Fit:
     def curves(self):
         """Returns the figures of each record: record and model, some cycles, spectra."""
         text = ""
-        estimates = {row["parameter"]: p.number(row, "estimate") for row in self.rows}
+        # The estimate of a stiffness may be infinite.
+        estimates = {row["parameter"]: float(row["estimate"]) for row in self.rows}
         for record, meshes in self.records.items():
             of = f"record {record}" if len(self.quality) > 1 else "the record"
             t, measured, model, residual, by_parameters = meshes[self.elements]

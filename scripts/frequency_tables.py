@@ -23,7 +23,7 @@ def read_text(path, unit=""):
 
     unit  of times, if the file states none
     """
-    table = text_tables.read(path)
+    table = text_tables.read(path, or_one=True)
     return responses_of(table) or text_tables.channels_of(table, unit), table.above
 
 

@@ -28,10 +28,18 @@ def tell(message):
     print(f"{Path(sys.argv[0]).stem}: {line}", file=sys.stderr, flush=True)
 
 
+class Failure(SystemExit):
+    """The end of a script, with the line that it has printed."""
+
+    def __init__(self, message, status):
+        super().__init__(status)
+        self.message = str(message)
+
+
 def fail(message, status=2):
     """Ends the script with one line on standard error."""
     tell(message)
-    raise SystemExit(status)
+    raise Failure(message, status)
 
 
 def need(*modules):

@@ -4,6 +4,7 @@
 #     scripts/setup.sh             what the program and the tests need
 #     scripts/setup.sh pictures    that, and numpy, matplotlib and Plotly for pictures and reports
 #     scripts/setup.sh browser     that, and Chromium with Playwright for scripts/tests
+#     scripts/setup.sh studio      that, and the Python package with the page `beamid studio`
 #     scripts/setup.sh mpi         that, and Open MPI with mpi4py for scripts/ensemble_mpi.py
 #     scripts/setup.sh files       lists the files of the system that a build uses
 #     scripts/setup.sh flags       what a linker needs beside the library
@@ -141,8 +142,9 @@ install_fpm() {
 }
 
 wanted=${1:-}
-[[ $wanted =~ ^(pictures|browser|mpi|files|flags|packages|)$ ]] || {
-   say "found '$wanted', expected nothing, 'pictures', 'browser', 'mpi', 'files', 'flags' or 'packages'"
+[[ $wanted =~ ^(pictures|browser|studio|mpi|files|flags|packages|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures', 'browser', 'studio', 'mpi', 'files', 'flags'" \
+      "or 'packages'"
    exit 2
 }
 
@@ -192,6 +194,10 @@ if [[ $wanted == browser ]]; then
       fail 'missing: Chromium, on Debian sudo apt-get install chromium'
    "$venv/bin/python" -c 'import pytest, playwright' 2>/dev/null || pip_install "${browsing[@]}" ||
       fail "the tests of the reports need Python 3 with venv and ${browsing[*]}"
+fi
+if [[ $wanted == studio ]]; then
+   pip_install "$checkout/python[studio]" || fail 'the page needs Python 3.10 or newer with venv'
+   say "start the page by $venv/bin/beamid studio"
 fi
 if [[ $wanted == mpi ]] && ! { have mpiexec && /usr/bin/python3 -c 'import mpi4py' 2>/dev/null; }; then
    apt_install openmpi-bin python3-mpi4py ||

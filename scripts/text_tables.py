@@ -1,9 +1,12 @@
 """Reads columns of text: CSV files of phones, spreadsheets and loggers, and archives of them."""
 
 import csv
+import io
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from channels import REMARKS, Channel
@@ -25,6 +28,8 @@ WORDS = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond":
 TIMES = {"t", "time", "times", "timestamp", "timestamps", "zeit", "datetime", "x_value"}
 LONG_AGO = 10**8             # [s]; times beyond are counted from the first
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+LONG_TEXT = 2**20            # characters; NumPy reads the rows of a longer text if it can
+HEAD = 2**16                 # characters of a long text in which its rows must begin
 
 
 @dataclass
@@ -34,8 +39,9 @@ class Table:
     place: str          # file, for messages
     mark: str           # separator of the fields
     names: list         # of the columns; [] without
-    rows: list          # (number of the line, its fields)
+    rows: Sequence      # (number of the line, its fields)
     above: list         # lines of the header, without names and units
+    values: object = None    # (rows, columns) numbers, if NumPy has read all of them
 
     def fail(self, line, column, message):
         """Ends the script with a mistake in a line and a column."""
@@ -107,18 +113,65 @@ def first_row(lines, columns):
     return None, ""
 
 
-def parse(place, text, columns=2):
-    """Returns the table that a text contains: `columns` or more of numbers.
+class Rows(Sequence):
+    """Rows of a text, which are split when they are needed: (number of the line, its fields)."""
+
+    def __init__(self, lines, mark):
+        self.lines, self.mark = lines, mark
+
+    def __len__(self):
+        return len(self.lines)
+
+    def __getitem__(self, k):
+        number, line = self.lines[k]
+        return number, fields_of(line, self.mark)
+
+
+def read_quickly(text, columns):
+    """Returns the numbers of a long text and the lines at its beginning; (None, text) if NumPy
+    cannot read the rows.
+
+    NumPy reads decimal points, one separator and the same number of fields in all rows. Any other
+    text is read row by row, which also finds the line of a mistake.
+    """
+    import numpy as np
+    head = text[:HEAD].rpartition("\n")[0]
+    lines, at = [], 0
+    for line in head.splitlines(keepends=True):
+        if line.strip(" ,;\t\r\n") and not line.lstrip().startswith("#"):
+            lines.append((at, line.rstrip("\r\n")))
+        at += len(line)
+    first, mark = first_row(lines, columns)
+    if first is None or not mark or first + 2 > len(lines):    # two rows tell a column of times
+        return None, text
+    rows = text[lines[first][0]:]
+    if '"' in rows or "#" in rows:
+        return None, text
+    try:
+        values = np.loadtxt(io.StringIO(rows), delimiter=mark, comments=None, ndmin=2)
+    except ValueError:
+        return None, text
+    return (values, head) if np.isfinite(values).all() else (None, text)
+
+
+def parse(place, text, columns=2, or_one=False):
+    """Returns the table that a text contains: `columns` or more of numbers, or one column if the
+    text has no more and `or_one` says so.
 
     Blank lines and lines that begin with '#' are left out. The last line above the first row that
     is as wide contains the names; a line of units below it is joined to them.
     """
+    values = None
+    if len(text) > LONG_TEXT:
+        values, text = read_quickly(text, columns)
     lines = [(k + 1, line) for k, line in enumerate(text.splitlines())
              if line.strip(' ,;\t') and not line.lstrip().startswith("#")]
     first, mark = first_row(lines, columns)
+    if first is None and or_one:
+        first, mark = first_row(lines, 1)
     if first is None:
         fail(f"{place}: found no row of numbers, expected {columns} columns or more")
-    rows = [(number, fields_of(line, mark)) for number, line in lines[first:]]
+    rows = Rows(lines[first:], mark)
     width = len(filled(rows[0][1]))
     above = [fields_of(line, mark) for _, line in lines[:first]]
     wide = [k for k, fields in enumerate(above) if first == 1 or len(fields) == len(rows[0][1])
@@ -131,13 +184,13 @@ def parse(place, text, columns=2):
         names = [f"{name} [{unit}]" if unit else name
                  for name, unit in zip(above[wide[-2]], units)]
     return Table(place, mark, names, rows,
-                 [line for k, (_, line) in enumerate(lines[:first]) if k not in used])
+                 [line for k, (_, line) in enumerate(lines[:first]) if k not in used], values)
 
 
-def read(path, columns=2):
+def read(path, columns=2, or_one=False):
     """Returns the table in a file."""
     try:
-        return parse(path, decoded(Path(path).read_bytes()), columns)
+        return parse(path, decoded(Path(path).read_bytes()), columns, or_one)
     except OSError as error:
         fail(f"{path}: {reason(error)}")
 
@@ -186,6 +239,8 @@ def numbers(table, column):
     """Returns the numbers of a column, NaN where there is none; None if the column contains text
     only. The decimal sign must be the same in all rows; a mistake ends the script."""
     import numpy as np
+    if table.values is not None:
+        return table.values[:, column].copy()
     values, sign, commas, thousands = [], "", 0, 0
     cells = list(table.cells(column))
     if not any(is_number(text) for _, text in cells):
@@ -217,7 +272,7 @@ def times_of(table, column, unit=""):
     they stay as they are, unless they cannot be seconds.
     """
     import numpy as np
-    cells = list(table.cells(column))
+    cells = list(table.cells(column))    # of a table that NumPy has read, only the first
     if read_stamp(cells[0][1]):
         clock, seconds = Clock(), []
         for line, text in cells:
@@ -234,6 +289,10 @@ def times_of(table, column, unit=""):
     bad = np.flatnonzero(~(np.diff(values) > 0))
     if bad.size or not np.isfinite(values).all():
         k = bad[0] + 1 if bad.size else 0
+        if table.values is not None:
+            fail(f"{table.place}: row {k + 1}: column {column + 1}: found "
+                 f"{table.values[k, column]:.17g} after {table.values[k - 1, column]:.17g}, "
+                 "expected a later time")
         table.fail(cells[k][0], column, f"found {cells[k][1][:40]!a} after "
                    f"{cells[k - 1][1][:40]!a}, expected a later time" if k else
                    f"found {cells[k][1][:40]!a}, expected a number")
@@ -262,14 +321,14 @@ def channels_of(table, unit="", prefix=""):
     """Returns the columns of a table as channels, with the times of its time column."""
     width = len(filled(table.rows[0][1]))
     widest = max(width, len(table.names))
-    for line, fields in table.rows:
+    for line, fields in table.rows if table.values is None else ():
         if len(filled(fields)) > widest:
             fail(f"{table.place}:{line}: found {len(filled(fields))} fields, expected {widest} at "
                  "most, as in the first row")
     pairs = [split_unit(name) for name in table.names] + [("", "")] * width
-    # A column of times has such a name, or a unit of time; without names it is the first.
+    # A column of times has such a name, or a unit of time; without names the first of several is.
     named = [k for k in range(width) if pairs[k][0].lower() in TIMES or time_unit(pairs[k][1])]
-    place = next((k for k in named if is_time(table, k)), None if table.names else 0)
+    place = next((k for k in named if is_time(table, k)), None if table.names or width < 2 else 0)
     if place is None and width > 1 and is_time(table, 0):
         place = 0
     times, remark = None, ""
@@ -289,7 +348,7 @@ def channels_of(table, unit="", prefix=""):
 
 def is_time(table, column):
     """Returns whether a column can be one of times: stamps, or numbers that grow at first."""
-    texts = [text for _, text in table.cells(column)][:2]
+    texts = [text for _, text in islice(table.cells(column), 2)]
     if read_stamp(texts[0]):
         return True
     if not all(map(is_number, texts)):

@@ -1,0 +1,228 @@
+"""The third step: what is estimated and what is known, the run, and the results."""
+from __future__ import annotations
+
+from typing import Any
+
+import page as h
+from nicegui import background_tasks, ui
+
+from beamid_studio import results, runs
+from beamid_studio.session import Result
+from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, panel
+
+#: Parameters that the page offers: name, meaning, units of its standard deviation.
+OFFERED: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("E", "modulus of elasticity", MODULI), ("m_S", "mass of the sensor", MASSES),
+    ("c_D", "damping in the material", {}), ("gamma", "damping by the air", {}),
+    ("k_R", "stiffness of the clamp", {}), ("x_S", "place of the sensor", LENGTHS),
+    ("length", "of the beam", LENGTHS))
+KNOWN = (("width", "of the section", LENGTHS), ("height", "of the section", LENGTHS),
+         ("density", "of the material", DENSITIES))
+#: Further parameters that may be estimated.
+FURTHER = ["m_T", "J_T", "J_S", "rho", "c_R", "k_w", "c_w", "x_P", "k_P", "c_P", "m_M", "x_M",
+           "m_H", "c_H", "k_H", "x_H", "eta", "a_h", "b_h", "d_1", "b_1", "T"]
+
+
+class FitStep:
+    """The panel of the fit."""
+
+    def __init__(self, studio: Any) -> None:
+        self.studio, self.session = studio, studio.session
+        self.muted = False
+        self.boxes: dict[str, ui.checkbox] = {}
+        with ui.element("div").classes("step even"):
+            with ui.element("div").classes("inputs"):
+                self.choices_panel()
+                self.motion_panel()
+            with ui.element("div").classes("views"):
+                self.run_panel()
+                self.results = studio.results = results.Results(studio, self.work, self.hear)
+        inherited = studio.refresh_choices
+
+        def refresh() -> None:
+            inherited()
+            self.show_choices()
+
+        studio.refresh_choices = refresh
+        self.session.listeners.append(self.loaded)
+        self.loaded()
+
+    # -- inputs
+
+    def choices_panel(self) -> None:
+        """Build the list of what is estimated and known."""
+        number = self.studio.number
+        with panel("Estimated and known", "Tick what the fit estimates. State the standard "
+                   "deviation of what you have measured: the intervals then include it."):
+            with ui.element("div").classes("choices"):
+                for text in ("", "parameter", "known to ±"):
+                    ui.label(text).classes("head")
+                for name, meaning, units in OFFERED:
+                    self.boxes[name] = ui.checkbox(on_change=self.take_choices).props(
+                        f"dense data-free={name} aria-label='estimate {name}'")
+                    self.named(name, meaning)
+                    if name == "k_R":
+                        ui.label("")
+                    else:
+                        number("prior", name, "", units, sd=name)
+                    self.tell_row(name)
+                self.boxes["offset"] = ui.checkbox(on_change=self.take_choices).props(
+                    "dense data-free=offset aria-label='estimate offset'")
+                self.named("offset", "zero of the sensor, in the unit of the file")
+                ui.label("")
+                self.tell_row("offset")
+                for name, meaning, units in KNOWN:
+                    ui.label("")
+                    self.named(name, meaning)
+                    number("prior", name, "", units, sd=name)
+            self.further = ui.select(FURTHER, label="Estimate also", multiple=True,
+                                     on_change=self.take_choices).props(
+                "outlined dense options-dense use-chips data-field=further")
+            self.studio.tell_at("stage", "free")
+
+    @staticmethod
+    def named(name: str, meaning: str) -> None:
+        """Show a parameter's symbol and meaning."""
+        with ui.element("div").classes("meaning"):
+            ui.html(h.symbol(name), sanitize=False)
+            ui.html(f"<small>{meaning}</small>", sanitize=False)
+
+    def tell_row(self, name: str) -> None:
+        """Add a place for sentences about a parameter below its row."""
+        with ui.element("div").classes("wide"):
+            self.studio.tell_at("stage", name.lower())
+
+    def motion_panel(self) -> None:
+        """Build the choice of the number of modes."""
+        with panel("Motion"):
+            self.modes = ui.number("Modes in the record", min=1, max=20, step=1, precision=0,
+                                   on_change=self.take_modes).props(
+                "outlined dense data-field=modes")
+            self.motion = ui.label("").classes("lead")
+
+    def run_panel(self) -> None:
+        """Build the buttons and the progress."""
+        with panel("") as box:
+            box.classes("flat")
+            with ui.element("div").classes("bar"):
+                self.go = ui.button("Run the fit", on_click=self.start).props(
+                    "unelevated no-caps padding='sm xl' data-go=run")
+                self.stop = ui.button("Cancel", on_click=self.cancel).props(
+                    "outline no-caps padding='sm md' data-go=cancel")
+                self.spinner = ui.spinner(size="1.4rem")
+            self.progress = ui.label("").classes("lead").props("data-field=progress")
+            self.studio.tell_at("stage", "all")
+        self.busy(False)
+
+    # -- events
+
+    def take_choices(self) -> None:
+        """Take the names that are ticked, in the order of the list."""
+        if self.muted:
+            return
+        names = [name for name, box in self.boxes.items() if box.value]
+        self.session.case.free = [*names, *(self.further.value or [])]
+        self.studio.changed()
+
+    def take_modes(self) -> None:
+        """Take the number of modes of a free decay."""
+        if self.muted or not self.modes.value:
+            return
+        self.session.case.set("excitation", "modes", str(int(self.modes.value)))
+        self.studio.changed()
+
+    def show_choices(self) -> None:
+        """Show what the case estimates."""
+        self.muted = True
+        free = self.session.case.free
+        known = {name.lower(): name for name in self.boxes}
+        for name, box in self.boxes.items():
+            box.value = name.lower() in {one.lower() for one in free}
+        others = [name for name in free if name.lower() not in known]
+        self.further.set_options(list(dict.fromkeys([*FURTHER, *others])), value=others)
+        kind = self.session.case.get("excitation", "kind").lower()
+        self.modes.value = float(self.session.case.get("excitation", "modes") or 2)
+        self.modes.set_visibility(kind == "free")
+        self.motion.text = (
+            "A free decay: amplitude and phase of each mode are estimated, too." if kind == "free"
+            else f"The case describes the motion by &excitation kind='{kind}'.")
+        self.muted = False
+
+    def loaded(self) -> None:
+        """Show the choices and the fits of another case."""
+        self.show_choices()
+        self.results.show_all()
+
+    def busy(self, running: bool) -> None:
+        """Show whether the program is running."""
+        self.go.set_visibility(not running)
+        self.stop.set_visibility(running)
+        self.spinner.set_visibility(running)
+        if not running:
+            self.progress.text = ""
+
+    def lacking(self) -> str:
+        """Return what a fit still needs, or ''."""
+        case = self.session.case
+        if not self.session.folder or not self.session.case.get("record", "file") or (
+                self.session.recording and not self.session.is_ready):
+            return "Open a recorder's file first, with times or a rate."
+        needed = [("length", "length"), ("e", "modulus E")]
+        if not case.get("beam", "rho"):
+            needed += [("width", "width"), ("height", "height"), ("density", "density")]
+        missing = [label for key, label in needed if not case.get("beam", key)]
+        if missing:
+            return f"The beam still needs: {', '.join(missing)}."
+        return "" if case.free else "Tick at least one parameter."
+
+    def hear(self, line: str) -> None:
+        """Show a line of the program's progress."""
+        self.progress.text = runs.progress_text(line)
+
+    async def start(self) -> None:
+        """Fit the case as it stands."""
+        lacking = self.lacking()
+        if lacking:
+            ui.notify(lacking, type="warning")
+            return
+        await self.work(self.fit())
+
+    async def work(self, job: Any) -> None:
+        """Run a job of the program, one at a time."""
+        if self.session.run or self.stop.visible:
+            job.close()
+            ui.notify("The program is running: wait, or cancel it.", type="warning")
+            return
+        self.busy(True)
+        self.progress.text = "starting"
+        try:
+            await background_tasks.create(job, name="run")
+        finally:
+            if not self.session.closed:
+                self.busy(False)
+
+    async def fit(self) -> None:
+        """Write what has changed, run the program, and show what it found."""
+        await self.studio.write_record()
+        result: Result | None = await self.session.fit(self.hear)
+        if self.session.closed:
+            return
+        if result is None:
+            self.progress.text = ""
+            with self.results.box:
+                ui.notify("The fit was cancelled.")
+            return
+        self.studio.place_remarks(result.remarks or (
+            [results.error_remark(result)] if result.error else []))
+        await self.results.show_new(result)
+
+    async def cancel(self) -> None:
+        """End the run."""
+        if self.session.run:
+            self.progress.text = "cancelling"
+            await self.session.run.cancel()
+
+
+def build(studio: Any) -> None:
+    """Build the step of the fit."""
+    FitStep(studio)

@@ -1,0 +1,555 @@
+"""The page of `beamid studio` in a headless Chromium: from a recorder's file to case and report.
+
+The screenshots are in out/screenshots. Without NiceGUI, the package beamid, Playwright or Chromium
+the tests are skipped; `scripts/setup.sh studio` and `scripts/setup.sh browser` install them.
+"""
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui", reason="no NiceGUI: scripts/setup.sh studio")
+pytest.importorskip("beamid", reason="no package beamid: scripts/setup.sh studio")
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import beamid_command
+import text_tables
+
+CHECKOUT = Path(__file__).resolve().parent.parent.parent
+SCREENSHOTS = CHECKOUT / "out" / "screenshots"
+PROGRAM = os.environ.get("BEAMID_PROGRAM") or str(beamid_command.PROGRAM)
+LIMIT = 3          # MB of an upload
+WAIT = 60_000      # ms
+BEAM = {"beam-length": "500", "beam-width": "50", "beam-height": "2", "sensor-x_s": "440",
+        "sensor-m_s": "4"}
+#: Mistakes at a field: the field, the text or the unit that is wrong, and a word of the sentence.
+MISTAKES = [("beam-length", "500", "m", "looks like mm"), ("beam-e", "70", "N/m²", "GPa"),
+            ("beam-density", "2.7", "kg/m³", "g/cm^3"), ("sensor-m_s", "4", "kg", "looks like g")]
+
+
+class Server:
+    """A studio in a process of its own."""
+
+    def __init__(self, folder, *options):
+        self.folder = folder
+        # NiceGUI behaves differently below pytest.
+        environment = {name: value for name, value in os.environ.items()
+                       if not name.startswith("PYTEST_")}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "beamid_command", "studio", "--no-browser", "--out", folder,
+             "--limit", str(LIMIT), *map(str, options)], stdout=subprocess.PIPE, text=True,
+            env={**environment, "BEAMID_PROGRAM": PROGRAM})
+        line = self.process.stdout.readline()
+        match = re.search(r"http://127\.0\.0\.1:(\d+)/\?token=(\S+)", line)
+        assert match, line
+        self.url, self.port, self.token = match[0], int(match[1]), match[2]
+
+    def files(self):
+        """Everything below the folder, with its size."""
+        return sorted((str(path), path.stat().st_size) for path in self.folder.rglob("*")
+                      if path.is_file())
+
+    def settled(self):
+        """The files as they are when nothing is being written any more."""
+        before, after = None, self.files()
+        while before != after:
+            time.sleep(1.5)
+            before, after = after, self.files()
+        return after
+
+    def children(self):
+        """The processes that the server has started and that have not been waited for."""
+        own = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        return own.read_text().split()
+
+    def memory(self):
+        """The resident memory of the server in MB."""
+        text = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmRSS:\s+(\d+)", text)[1]) / 1000
+
+    def ask(self, method="GET", path="/", headers=None, body=None, host=None):
+        """Status and text of the answer to a request."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection.putrequest(method, path, skip_host=True)
+        connection.putheader("Host", host or f"127.0.0.1:{self.port}")
+        for name, value in (headers or {}).items():
+            connection.putheader(name, value)
+        connection.endheaders(body)
+        answer = connection.getresponse()
+        text = answer.read().decode("utf-8", "replace")
+        connection.close()
+        return answer.status, text
+
+    @property
+    def cookie(self):
+        """What the browser sends after it has opened the page."""
+        return {"Cookie": f"beamid_studio_{self.port}={self.token}"}
+
+    def end(self, number=signal.SIGINT):
+        """End the server, and return its exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(timeout=20)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium."""
+    playwright = pytest.importorskip("playwright.sync_api",
+                                     reason="no Playwright: scripts/setup.sh browser")
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    if not chromium:
+        pytest.skip("no Chromium: scripts/setup.sh browser")
+    with playwright.sync_playwright() as engine:
+        instance = engine.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield instance
+        instance.close()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    """A studio that stays without a tab."""
+    found = Server(tmp_path_factory.mktemp("studio"), "--stay")
+    yield found
+    assert found.end() == 0, "Ctrl-C does not end the studio"
+    assert not list(found.folder.glob(".studio-*")), "the scratch folder is left"
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """The times and accelerations of a strip that the program has simulated, E = 7e10 N/m^2."""
+    folder = tmp_path_factory.mktemp("example")
+    subprocess.run([PROGRAM, "new", "free-decay", folder / "trial"], check=True,
+                   stdout=subprocess.DEVNULL)
+    return np.loadtxt(folder / "trial" / "record.csv", delimiter=",", skiprows=1).T
+
+
+def write(path, t, values, header="time,acceleration"):
+    """Writes a recorder's file."""
+    path.write_text(header + "\n" + "".join(f"{a!r},{b!r}\n" for a, b in
+                                            zip(t.tolist(), values.tolist())))
+    return path
+
+
+@pytest.fixture()
+def tab(browser, server):
+    """A tab with the page, and what JavaScript complains about."""
+    with_faults(page := browser.new_page(viewport={"width": 1400, "height": 900}))
+    page.goto(server.url)
+    page.wait_for_selector("[data-step=record]", timeout=WAIT)
+    yield page
+    assert page.faults == []
+    page.close()
+
+
+def with_faults(page):
+    """Collects errors of JavaScript. Plotly does not resize a figure that has just been hidden."""
+    page.faults = []
+    page.on("pageerror", lambda error: page.faults.append(str(error))
+            if "Resize must be passed" not in str(error) else None)
+
+
+def upload(page, path):
+    """Opens a file, and waits for the plot of the record."""
+    page.set_input_files("input[type=file]", path)
+    page.wait_for_function("document.querySelector('.js-plotly-plot')?._fullData?.length",
+                           timeout=WAIT)
+
+
+def pick(page, name, text):
+    """Chooses from a list."""
+    page.click(f"[data-field={name}]")
+    choose(page, text)
+
+
+def pick_unit(page, name, text):
+    """Chooses the unit of a number."""
+    page.locator(f".field:has([data-field={name}]) .q-field__append .q-select").click()
+    choose(page, text)
+
+
+def choose(page, text):
+    """Chooses from the list that is open, and waits until it has gone."""
+    page.locator(".q-menu .q-item").get_by_text(text, exact=True).click()
+    page.wait_for_selector(".q-menu", state="detached", timeout=WAIT)
+
+
+def describe(page, **values):
+    """Enters the aluminium strip."""
+    page.click("[data-step=beam]")
+    pick(page, "material", "aluminium")
+    for name, text in {**BEAM, **values}.items():
+        page.fill(f"[data-field={name}]", text)
+
+
+def fit(page, number):
+    """Fits, and waits for the result of this number."""
+    page.click("[data-step=fit]")
+    page.click("[data-go=run]")
+    page.wait_for_selector(f"[data-fit='{number}']", timeout=WAIT)
+    page.wait_for_selector("[data-go=run]", timeout=WAIT)
+
+
+def download(page, button, folder):
+    """Saves what a button sends."""
+    with page.expect_download(timeout=WAIT) as sent:
+        page.click(f"[data-go={button}]")
+    path = folder / sent.value.suggested_filename
+    sent.value.save_as(path)
+    return path
+
+
+def look(page, name):
+    """Takes screenshots of a step, in which nothing is wider than the screen."""
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    for width in (1400, 800):
+        for scheme in ("light", "dark"):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.emulate_media(color_scheme=scheme)
+            page.wait_for_function("(dark) => document.body.classList.contains('body--dark') "
+                                   "=== dark", arg=scheme == "dark")
+            page.wait_for_timeout(700)    # figures follow the width and the colours
+            page.screenshot(path=SCREENSHOTS / f"studio-{name}-{width}-{scheme}.png",
+                            full_page=True)
+            sizes = page.evaluate("[document.documentElement.scrollWidth, "
+                                  "document.documentElement.clientWidth]")
+            assert sizes[0] <= sizes[1], f"{name} is wider than {width} pixels"
+    page.set_viewport_size({"width": 1400, "height": 900})
+
+
+def test_from_record_to_case(tab, server, example, tmp_path):
+    """A file in ms and g with a quiet lead-in becomes a case that repeats the fit exactly."""
+    _t, a = example
+    quiet = 0.002 * np.random.default_rng(1).standard_normal(500)
+    both = np.concatenate([quiet, a]) / 9.80665 + 0.02
+    times = 2.0 * np.arange(both.size)
+    upload(tab, write(tmp_path / "strip.csv", times, both, "t,z"))
+    pick(tab, "time-unit", "ms")
+    pick(tab, "unit", "g")
+    tab.get_by_text("The motion begins at 1 s").wait_for(timeout=WAIT)
+
+    # The window is dragged: from a fifth of the record to its middle, 1 to 2.5 s.
+    area = tab.locator(".nsewdrag").first.bounding_box()
+    middle = area["y"] + area["height"] / 2
+    tab.mouse.move(area["x"] + 0.3 * area["width"], middle)
+    tab.mouse.down()
+    for share in (0.4, 0.6, 0.9):
+        tab.mouse.move(area["x"] + share * area["width"], middle)
+    tab.mouse.up()
+    tab.wait_for_function("document.querySelector('[data-field=record-t_last]').value > 0")
+    ends = [float(tab.input_value(f"[data-field=record-{key}]")) for key in ("t_first", "t_last")]
+    span = times[-1] / 1000
+    assert np.allclose(ends, [0.3 * span, 0.9 * span], atol=0.02 * span)
+
+    describe(tab)
+    tab.locator(".modes figure").first.wait_for(timeout=WAIT)
+    frequency = float(re.search(r"1 ([\d.]+) Hz", tab.locator(
+        ".modes figcaption").first.inner_text())[1])
+    assert frequency == pytest.approx(6.26, rel=0.02)
+    look(tab, "beam")
+    tab.click("[data-step=record]")
+    look(tab, "record")
+    tab.click("[data-step=fit]")
+    tab.click("[data-free=m_S]")
+    fit(tab, 1)
+    assert "The model explains" in tab.locator(".report .box").first.inner_text()
+    look(tab, "fit")
+    report = download(tab, "report", tmp_path).read_text(encoding="utf-8")
+    assert "Where the error comes from" in report and "The model explains" in report
+    tab.click("[data-step=save]")
+    look(tab, "save")
+    archive = download(tab, "case", tmp_path)
+    with zipfile.ZipFile(archive) as packed:
+        packed.extractall(tmp_path)
+    folder = tmp_path / archive.stem
+    case = (folder / "case.nml").read_text()
+    assert "scale=9.80665" in case and f"t_first={ends[0]:g}" in case
+    subprocess.run([PROGRAM, "identify", "case.nml", "--quiet", "--out", "out"], cwd=folder,
+                   check=True, stdout=subprocess.DEVNULL)
+    there = server.folder / archive.stem / "fit_1"
+    for name in ("estimates.csv", "modes.csv", "fit.csv", "summary.txt"):
+        assert (folder / "out" / name).read_text() == (there / name).read_text(), name
+    rows = [line.split(",") for line in (there / "estimates.csv").read_text().splitlines()]
+    row = dict(zip(rows[0], next(row for row in rows if "E" in row)))
+    assert float(row["total_lower95"]) < 7e10 < float(row["total_upper95"])
+
+
+def test_mistakes_before_the_fit(tab, example, tmp_path):
+    """Units that are mixed up are named at their field, and only while they are."""
+    upload(tab, write(tmp_path / "strip.csv", *example))
+    describe(tab)
+    tab.locator(".modes figure").first.wait_for(timeout=WAIT)
+    for name, text, unit, words in MISTAKES:
+        usual = tab.locator(f".field:has([data-field={name}]) .q-field__append").inner_text()
+        before = tab.input_value(f"[data-field={name}]")
+        tab.fill(f"[data-field={name}]", text)
+        if unit != usual.strip():
+            pick_unit(tab, name, unit)
+        sentence = tab.locator(f".field:has([data-field={name}]) .tell.error")
+        sentence.get_by_text(words).wait_for(timeout=WAIT)
+        tab.fill(f"[data-field={name}]", before)
+        if unit != usual.strip():
+            pick_unit(tab, name, usual.strip())
+        sentence.wait_for(state="detached", timeout=WAIT)
+    tab.fill("[data-field=beam-length]", "half a metre")
+    tab.get_by_text("Found half a metre, expected a number").wait_for(timeout=WAIT)
+    tab.fill("[data-field=beam-length]", "500")
+    # Time stamps in ms that are taken for s.
+    tab.click("[data-step=record]")
+    upload(tab, write(tmp_path / "stamps.csv", 1000 * example[0], example[1]))
+    tab.get_by_text("the time stamps look like milliseconds").first.wait_for(timeout=WAIT)
+    pick(tab, "time-unit", "ms")
+    tab.get_by_text("the time stamps look like milliseconds").first.wait_for(
+        state="detached", timeout=WAIT)
+
+
+def test_mistakes_after_the_fit(tab, example, tmp_path):
+    """What only a fit can show is named after it: an offset, and a wrong rate."""
+    _t, a = example
+    (tmp_path / "values.csv").write_text("a\n" + "".join(f"{x + 3!r}\n" for x in a.tolist()))
+    tab.set_input_files("input[type=file]", tmp_path / "values.csv")
+    tab.fill("[data-field=rate]", "1000", timeout=WAIT)    # it is 500
+    describe(tab)
+    tab.click("[data-step=fit]")
+    tab.click("[data-free=m_S]")
+    fit(tab, 1)
+    tab.click("[data-step=record]")
+    tab.get_by_text("check rate or the time stamps").wait_for(timeout=WAIT)
+    tab.fill("[data-field=rate]", "500")
+    tab.click("[data-step=fit]")
+    tab.click("[data-free=offset]")
+    tab.wait_for_timeout(600)
+    fit(tab, 2)
+    tab.get_by_role("button", name="Estimate offset").click(timeout=WAIT)
+    assert tab.locator("[data-free=offset]").get_attribute("aria-checked") == "true"
+    fit(tab, 3)
+    assert tab.get_by_role("button", name="Estimate offset").count() == 0
+    tab.click("[data-go=compare]")
+    tab.get_by_text("not estimated").first.wait_for(timeout=WAIT)
+
+
+REFUSED = {
+    "no token": (403, {}, "/", None),
+    "wrong token": (403, {}, "/?token=abc", None),
+    "token in another cookie": (403, {"Cookie": "beamid_studio=abc"}, "/", None),
+    "no token for a file": (403, {}, "/_nicegui/", None),
+    "another host": (403, "cookie", "/", "evil.example"),
+    "another origin": (403, {"Origin": "http://evil.example"}, "cookie", None),
+    "null origin": (403, {"Origin": "null"}, "cookie", None),
+    "path traversal": (404, "cookie", "/_nicegui/../../../../etc/passwd", None),
+    "encoded path traversal": (404, "cookie", "/%2e%2e/%2e%2e/etc/passwd", None),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refused(server, what):
+    """A request that is none of the page is refused in one sentence, and nothing is written."""
+    status, headers, path, host = REFUSED[what]
+    headers = server.cookie if headers == "cookie" else dict(headers)
+    if path == "cookie":
+        headers, path = {**headers, **server.cookie}, "/"
+    before = server.files()
+    found, text = server.ask(path=path, headers=headers, host=host)
+    assert found == status and text.count("\n") == 1 and text.strip().endswith("."), text
+    assert not set(server.files()) - set(before)
+
+
+@pytest.mark.parametrize("origin, cookie, path", [
+    ("http://evil.example", True, ""), (None, True, ""), ("own", False, ""), ("own", True, "ok")])
+def test_websocket(server, origin, cookie, path):
+    """A websocket of another page, or without a token, is refused; that of the page is accepted."""
+    own = f"http://127.0.0.1:{server.port}"
+    headers = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+               "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+               **({"Origin": own if origin == "own" else origin} if origin else {}),
+               **(server.cookie if cookie else {})}
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    connection.request("GET", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket",
+                       headers=headers)
+    answer = connection.getresponse()
+    assert answer.status == (101 if path == "ok" else 403)
+    if path != "ok":
+        assert answer.read().decode().strip().endswith(".")
+    connection.close()
+
+
+def test_huge_upload(tab, server, tmp_path):
+    """A file of 2 GB is refused before it is sent, and one without a length when it is too long."""
+    address = tab.evaluate("""() => { let found; const own = XMLHttpRequest.prototype.open;
+        XMLHttpRequest.prototype.open = function (method, url) { found = url;
+            return own.apply(this, arguments); }; window.address = () => found; }""")
+    small = write(tmp_path / "small.csv", np.arange(50.0), np.arange(50.0) % 7)
+    upload(tab, small)
+    address = tab.evaluate("window.address()")
+    assert "/upload/" in address
+    before = server.settled()
+    kind = {"Content-Type": "multipart/form-data; boundary=x"}
+    found, text = server.ask("POST", address, {**server.cookie, **kind,
+                                               "Content-Length": str(2 * 10**9)})
+    assert found == 413 and text.count("\n") == 1
+    head = b'--x\r\nContent-Disposition: form-data; name="a"; filename="a.csv"\r\n\r\n'
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    pieces = (head if k == 0 else b"1,2\n" * 50_000 for k in range(60))
+    try:
+        connection.request("POST", address, body=pieces, encode_chunked=True, headers={
+            **server.cookie, **kind, "Transfer-Encoding": "chunked"})
+        answer = connection.getresponse()
+        assert answer.status == 413
+    except (BrokenPipeError, ConnectionResetError):
+        pass    # the server has closed the connection while the rest was being sent
+    connection.close()
+    assert not set(server.settled()) - set(before)
+    # The page itself says so, without sending the file.
+    large = tmp_path / "large.csv"
+    large.write_bytes(b"1,2\n" * (LIMIT * 300_000))
+    tab.set_input_files("input[type=file]", large)
+    tab.get_by_text(f"The file is larger than {LIMIT} MB").wait_for(timeout=WAIT)
+    assert not set(server.settled()) - set(before)
+
+
+def test_markup_in_names(tab, server, example, tmp_path):
+    """Names of files and columns are shown as they are, and are no paths."""
+    mark = "<img src=x onerror='window.run=1'>"
+    path = tmp_path / f"..{mark.replace('/', '')}.csv"
+    upload(tab, write(path, *example, f"t,<b>z</b> {mark}"))
+    tab.wait_for_timeout(500)
+    assert tab.evaluate("[window.run === undefined, document.querySelectorAll('img[src=x]')"
+                        ".length]") == [True, 0]
+    assert tab.locator(".js-plotly-plot .ytitle").first.text_content().startswith("<b>z</b>")
+    assert path.name in tab.locator(".facts").inner_text()
+    tab.click("[data-step=save]")
+    assert tab.evaluate("window.run === undefined")
+    folders = [one for one in server.folder.iterdir() if "img" in one.name]
+    assert len(folders) == 1 and re.fullmatch(r"[A-Za-z0-9_-]+", folders[0].name)
+
+
+def test_many_fits(browser, tab, server, example, tmp_path):
+    """Twenty fits in a row, cancelled fits and two tabs leave no process and mix up nothing."""
+    part = example[:, :300]
+    upload(tab, write(tmp_path / "short.csv", *part))
+    describe(tab)
+    fit(tab, 1)
+    fit(tab, 2)
+    memory = server.memory()
+    for number in range(3, 21):
+        fit(tab, number)
+    assert tab.locator("[data-fit]").count() == 20
+    assert server.memory() - memory < 80, "memory grows by more than 4 MB per fit"
+    assert server.children() == []
+
+    # A long fit of another tab is cancelled, and leaves no result.
+    with_faults(other := browser.new_page(viewport={"width": 1400, "height": 900}))
+    other.goto(server.url)
+    other.wait_for_selector("[data-step=record]", timeout=WAIT)
+    t = np.arange(0, 60, 0.002)
+    slow = 5 * np.exp(-0.02 * t) * np.sin(39.4 * t) + np.sin(256 * t)
+    upload(other, write(tmp_path / "slow.csv", t, slow + 0.05 * np.cos(9000 * t**2)))
+    describe(other)
+    other.click("[data-step=fit]")
+    for _ in range(3):
+        other.click("[data-go=run]")
+        other.wait_for_selector("[data-go=cancel]", timeout=WAIT)
+        other.click("[data-go=cancel]")
+        other.wait_for_selector("[data-go=run]", timeout=WAIT)
+    assert other.locator("[data-fit]").count() == 0
+    assert tab.locator("[data-fit]").count() == 20
+    # A tab that is closed during its fit takes the program with it.
+    other.click("[data-go=run]")
+    other.wait_for_selector("[data-go=cancel]", timeout=WAIT)
+    other.close()
+    deadline = time.monotonic() + 30
+    while server.children() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert server.children() == []
+    for folder in server.folder.glob("slow*/fit_*"):    # a fit that has ended before
+        assert (folder / "manifest.txt").exists()
+
+
+def test_restores_a_case(browser, example, tmp_path):
+    """A case file opens with its values, and the folder of a fit with its result."""
+    subprocess.run([PROGRAM, "new", "free-decay", tmp_path / "trial"], check=True,
+                   stdout=subprocess.DEVNULL)
+    case = tmp_path / "trial" / "case.nml"
+    case.write_text(case.read_text() + "&gravity g=9.81, direction='hanging' /\n")
+    out = tmp_path / "trial" / "fit"
+    subprocess.run([PROGRAM, "identify", case, "--quiet", "--out", out], check=True,
+                   stdout=subprocess.DEVNULL)
+    for file, number in ((case, 0), (out, 1)):
+        found = Server(tmp_path / f"studio{number}", file)
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.goto(found.url)
+        page.wait_for_selector("[data-step=record]", timeout=WAIT)
+        if number:
+            page.wait_for_selector("[data-fit='1']", timeout=WAIT)
+        page.click("[data-step=beam]")
+        page.wait_for_function("document.querySelector('[data-field=beam-length]')?.value === "
+                               "'500'", timeout=WAIT)
+        page.get_by_text("&gravity").wait_for(timeout=WAIT)
+        fit(page, 1 + number)
+        folder = next(path for path in found.folder.iterdir() if path.name[0] != ".")
+        estimates = [(place / "estimates.csv").read_text()
+                     for place in (out, folder / f"fit_{1 + number}")]
+        assert estimates[0] == estimates[1]
+        page.close()
+        if number:    # the studio ends with its last tab
+            assert found.process.wait(timeout=30) == 0
+        else:
+            assert found.end() == 0
+
+
+def test_long_text_is_read_alike(tmp_path, monkeypatch):
+    """NumPy's reader and that of rows return the same table, or the second explains a mistake."""
+    rows = "".join(f"{0.001 * k:.3f};{(-1)**k * 1.5:.6f}\n" for k in range(200))
+    texts = ["Time [s];a [g]\n" + rows, "logger 7\n\nTime;a\n(s);(g)\n" + rows, rows,
+             "# a comment\nTime;a\n" + rows.replace(".", ","), "Time;a\n" + rows + "0.2;nan\n"]
+    for text in texts:
+        found = []
+        for limit in (0, 10**9):
+            monkeypatch.setattr(text_tables, "LONG_TEXT", limit)
+            table = text_tables.parse("file", text)
+            found.append([table.names, table.above, text_tables.numbers(table, 0).tolist(),
+                          np.nan_to_num(text_tables.numbers(table, 1), nan=-7).tolist(),
+                          [(one.name, one.unit, one.time_unit) for one in
+                           text_tables.channels_of(table)]])
+        assert found[0] == found[1]
+    monkeypatch.setattr(text_tables, "LONG_TEXT", 0)
+    assert text_tables.parse("file", texts[0]).values.shape == (200, 2)
+    with pytest.raises(SystemExit) as failure:
+        text_tables.channels_of(text_tables.parse("file", texts[0] + "0.2;x\n"))
+    assert "file:202" in failure.value.message
+
+
+def test_case_of_the_page():
+    """Numbers are converted exactly, and groups without fields are kept."""
+    from beamid_studio.case_model import Case, number_text
+    from beamid_studio.checks import verdict_remarks
+    assert number_text("0,3", "0.001") == "0.0003" and number_text("70", "1e9") == "7e10"
+    assert number_text("0.0003", "0.001", divide=True) == "0.3" and number_text("1 mm") is None
+    case = Case("&along parameter='E', x=0,1, value=1,2 / &beam length=1d0, E=2 /\n"
+                "&stage free='E','c_D', start=1,2 / &prior parameter='E', sd=1 /")
+    case.free = ["E"]
+    case.set("beam", "length", "0.5")
+    case.set_prior("E", None)
+    assert case.text() == ("&beam    length=0.5, E=2 /\n"
+                           "&along   parameter='E', x=0,1, value=1,2 /\n&stage   free='E' /\n")
+    remark, = verdict_remarks("k_R, which the model leaves out, is significant: with k_R = 10 J "
+                              "falls by 9 %; add 'k_R'\n    to free\n\nrecord 1: 10 samples")
+    assert (remark.field, remark.advice) == (("beam", "k_r"), "k_R")
+
+
+def test_needs_nothing_for_import():
+    """The package beamid can be imported without what the studio needs."""
+    code = ("import json, sys, beamid; print(json.dumps([name for name in ('nicegui', 'plotly', "
+            "'matplotlib', 'fastapi') if name in sys.modules]))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == []
