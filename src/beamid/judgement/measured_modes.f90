@@ -40,6 +40,7 @@ module beamid_measured_modes
    type, abstract :: roots_fit_t
       integer, allocatable :: mode(:)      !< (n) numbers of the modes
       complex(wp), allocatable :: s(:)     !< (n) roots of the model [1/time]
+      integer :: unknowns = 2              !< unknowns for each root
       type(residual_t) :: problem          !< the records of the motion
    contains
       procedure(evaluate_rows), deferred :: evaluate
@@ -205,6 +206,7 @@ contains
       if (.not. any(seen)) return
       allocate (fit)
       fit%problem = problem
+      fit%unknowns = 4
       fit%mode = pack([(k, k=1, size(s))], seen)
       fit%s = pack(s, seen)
       fit%residue = pack(residue, seen)
@@ -264,7 +266,7 @@ contains
       integer :: k, n, rank
 
       n = size(roots%s)
-      allocate (x(merge(4, 2, is_response(roots))*n), source=0.0_wp)
+      allocate (x(roots%unknowns*n), source=0.0_wp)
       is_settled = .false.
       do k = 1, most
          call roots%evaluate(x, r, columns, error)
@@ -284,18 +286,6 @@ contains
       end do
       if (is_settled) modes = [modes, modes_of(roots, record, x(:2*n), statistics)]
    end subroutine add_modes
-
-   !> Returns whether a fit has residues among its unknowns.
-   pure logical function is_response(roots)
-      class(roots_fit_t), intent(in) :: roots
-
-      select type (roots)
-      type is (response_fit_t)
-         is_response = .true.
-      class default
-         is_response = .false.
-      end select
-   end function is_response
 
    !> Returns the measured modes. If the residuals are not white, the standard errors grow by the
    !> factor that `statistics` finds for the real part of the root.
