@@ -296,6 +296,10 @@ contains
       call check_refused('another word', 2, 'compare --damping=all', table, 'found --damping=all')
       call check_refused('an integrator', 2, 'compare --damping', &
          pulse//'&integrator method=''cvode'' /'//nl, 'expected method=''modal''')
+      call write_file('modes.csv', &
+         'mode,frequency_hz,sd_hz'//nl//'1,0.4,0.01'//nl//'2,2.5,0.01'//nl)
+      call check_refused('frequencies alone', 2, 'compare --damping', table, &
+         'expected a free decay')
       call check_refused('ratios of a forced motion', 2, 'compare --damping=ratios', pulse, &
          'expected a free decay')
    end subroutine test_refusals

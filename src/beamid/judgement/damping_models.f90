@@ -73,12 +73,8 @@ contains
       integer :: done, k
 
       found%by_ratios = by_ratios
-      if (by_ratios .and. .not. any([(allocated(reference%experiments(k)%observed), &
-         k=1, size(reference%experiments))] .or. reference%experiments%excitation%modes > 0)) then
-         call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
-            'expected a free decay, a frequency response or a table of modes with damping ratios')
-         return
-      end if
+      call check_data(reference%experiments, by_ratios, error)
+      if (allocated(error)) return
       call fit_reference(reference, error, monitor)
       if (allocated(error)) return
       call measure_modes(reference%model, reference%mesh, reference%experiments, reference%fit, &
@@ -114,6 +110,29 @@ contains
          if (allocated(error)) return
       end do
    end subroutine fit_damping_models
+
+   !> Refuses records that show no damping, or for `by_ratios` none by themselves.
+   subroutine check_data(experiments, by_ratios, error)
+      type(experiment_t), intent(in) :: experiments(:)
+      logical, intent(in) :: by_ratios
+      type(error_t), allocatable, intent(out) :: error
+      logical :: shows
+      integer :: k
+
+      do k = 1, size(experiments)
+         shows = .not. by_ratios .or. experiments(k)%excitation%modes > 0
+         if (allocated(experiments(k)%observed)) then
+            shows = .true.
+            select type (observed => experiments(k)%observed)
+            type is (modal_table_t)
+               shows = allocated(observed%damping)
+            end select
+         end if
+         if (shows) return
+      end do
+      call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
+         'expected a free decay, a frequency response or a table of modes with damping ratios')
+   end subroutine check_data
 
    !> Measures the modes once more from the fit of the best model, in which weak modes may stand out
    !> that the damping of the first fit has hidden.
