@@ -3,7 +3,7 @@
 module beamid_damping_models
    use beamid_candidates, only: candidate_t, compute_criteria, criteria_t, fit_candidate, held, &
       shared
-   use beamid_damping_starts, only: find_starts, frequency_range, tables_of
+   use beamid_damping_starts, only: check_data, find_starts, frequency_range, tables_of
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
@@ -110,29 +110,6 @@ contains
          if (allocated(error)) return
       end do
    end subroutine fit_damping_models
-
-   !> Refuses records that show no damping, or for `by_ratios` none by themselves.
-   subroutine check_data(experiments, by_ratios, error)
-      type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: by_ratios
-      type(error_t), allocatable, intent(out) :: error
-      logical :: shows
-      integer :: k
-
-      do k = 1, size(experiments)
-         shows = .not. by_ratios .or. experiments(k)%excitation%modes > 0
-         if (allocated(experiments(k)%observed)) then
-            shows = .true.
-            select type (observed => experiments(k)%observed)
-            type is (modal_table_t)
-               shows = allocated(observed%damping)
-            end select
-         end if
-         if (shows) return
-      end do
-      call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
-         'expected a free decay, a frequency response or a table of modes with damping ratios')
-   end subroutine check_data
 
    !> Measures the modes once more from the fit of the best model, in which weak modes may stand out
    !> that the damping of the first fit has hidden.

@@ -1,7 +1,7 @@
 !> Start values for fits with given damping mechanisms: fits to the natural frequencies and damping
 !> ratios that the records show, from a grid of rates or ranges.
 module beamid_damping_starts
-   use beamid_errors, only: error_t, failure
+   use beamid_errors, only: bad_input, error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
@@ -20,11 +20,34 @@ module beamid_damping_starts
    implicit none
    private
 
-   public :: find_starts, frequency_range, tables_of
+   public :: check_data, find_starts, frequency_range, tables_of
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
+
+   !> Refuses records that show no damping, or for `by_ratios` none by themselves.
+   subroutine check_data(experiments, by_ratios, error)
+      type(experiment_t), intent(in) :: experiments(:)
+      logical, intent(in) :: by_ratios
+      type(error_t), allocatable, intent(out) :: error
+      logical :: shows
+      integer :: k
+
+      do k = 1, size(experiments)
+         shows = .not. by_ratios .or. experiments(k)%excitation%modes > 0
+         if (allocated(experiments(k)%observed)) then
+            shows = .true.
+            select type (observed => experiments(k)%observed)
+            type is (modal_table_t)
+               shows = allocated(observed%damping)
+            end select
+         end if
+         if (shows) return
+      end do
+      call bad_input(error, 'found no record whose modes show their damping by themselves, '// &
+         'expected a free decay, a frequency response or a table of modes with damping ratios')
+   end subroutine check_data
 
    !> Returns the measured modes of each record as a table; an empty one for a record without. If no
    !> record shows modes by itself, the modes of the fit stand in, as rough start values.
