@@ -16,7 +16,7 @@ pytest.importorskip("scipy")
 import frequency_examples as example  # noqa: E402
 import frf_folders  # noqa: E402
 import frf_outputs  # noqa: E402
-from test_reports import DATA, INSPECT, OUT, VIEWS, browser, program  # noqa: E402, F401
+from test_reports import DATA, INSPECT, OUT, VIEWS, program  # noqa: E402
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -139,7 +139,7 @@ def page(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_view(browser, page, view):  # noqa: F811
+def test_view(browser, page, view):
     """Nothing sticks out, no legend covers data, no text is cut; out/screenshots has the pages."""
     width, scheme, medium = VIEWS[view]
     tab = browser.new_page(viewport={"width": width, "height": 900})

@@ -8,7 +8,6 @@ import http.client
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -100,20 +99,6 @@ class Server:
         """End the server, and return its exit status."""
         self.process.send_signal(number)
         return self.process.wait(timeout=20)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A headless Chromium."""
-    playwright = pytest.importorskip("playwright.sync_api",
-                                     reason="no Playwright: scripts/setup.sh browser")
-    chromium = shutil.which("chromium") or shutil.which("google-chrome")
-    if not chromium:
-        pytest.skip("no Chromium: scripts/setup.sh browser")
-    with playwright.sync_playwright() as engine:
-        instance = engine.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield instance
-        instance.close()
 
 
 @pytest.fixture(scope="module")
