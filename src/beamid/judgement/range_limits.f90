@@ -8,6 +8,7 @@ module beamid_range_limits
    use beamid_distributions, only: normal_quantile
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -51,16 +52,21 @@ contains
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(inout) :: found
+      type(residual_t) :: problem
       real(wp) :: shift(size(found%free))
       logical :: is_possible
       integer :: j, k, strength
 
-      if (found%statistics%samples == 0) return
+      if (found%statistics%samples == 0 .or. .not. any([(any(found%free == limits(j)%range), &
+         j=1, size(limits))])) return
+      call exact_counterpart(model, mesh, experiments, found%free, problem)
+      if (.not. allocated(problem%parts)) return
+      call found%restore(problem)
       do j = 1, size(limits)
          k = findloc(found%free, limits(j)%range, dim=1)
          if (k == 0) cycle
          if (found%statistics%is_withdrawn(k)) cycle
-         call fit_limit(model, mesh, experiments, found, limits(j), k, shift, is_possible)
+         call fit_limit(problem, found, limits(j), k, shift, is_possible)
          if (.not. is_possible) cycle
          strength = findloc(found%free, limits(j)%strength, dim=1)
          shift(k) = 0
@@ -76,13 +82,12 @@ contains
 
    !> Fits the model at a limit.
    !>
+   !> prepared     the fit, with the estimates in its scenario
    !> k            place of the range among the free parameters
    !> shift        (free) of the searched variables
    !> is_possible  whether the fit converges and the records do not reject it, at a level of 5 %
-   subroutine fit_limit(model, mesh, experiments, found, limit, k, shift, is_possible)
-      type(model_t), intent(in) :: model
-      type(mesh_t), intent(in) :: mesh
-      type(experiment_t), intent(in) :: experiments(:)
+   subroutine fit_limit(prepared, found, limit, k, shift, is_possible)
+      type(residual_t), intent(in) :: prepared
       type(stage_fit_t), intent(in) :: found
       type(limit_t), intent(in) :: limit
       integer, intent(in) :: k
@@ -100,9 +105,7 @@ contains
 
       shift = 0
       is_possible = .false.
-      call exact_counterpart(model, mesh, experiments, found%free, problem)
-      if (.not. allocated(problem%parts)) return
-      call found%restore(problem)
+      problem = prepared
       r = found%quantities(k)%record
       call find_limit(problem, limit, max(1, r), at, error)
       if (allocated(error)) return
@@ -112,8 +115,7 @@ contains
          *(before/at)**limit%power)
       stage = found%again()
       stage = stage%without([(j == k, j=1, size(found%free))])
-      problem%free = stage%free
-      problem%record = stage%owners()
+      call set_free(problem, stage)
       call variables_of(stage, problem%scenario, variables, quantities, error)
       if (allocated(error)) return
       call fit(problem, problem%rows(), variables, options_t(check=.false., all_rows=.false.), &
