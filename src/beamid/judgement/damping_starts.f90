@@ -12,7 +12,6 @@ module beamid_damping_starts
    use beamid_measured_modes, only: measured_mode_t
    use beamid_mechanisms, only: combination_t, mechanism_t, mechanisms
    use beamid_modal_tables, only: modal_table_t
-   use beamid_model_roots, only: model_roots
    use beamid_parameters, only: as_named
    use beamid_peak_starts, only: fit_to_modes
    use beamid_residuals, only: new_residuals, residual_t
@@ -236,7 +235,11 @@ contains
       !> Strength at which damping ratios are computed, and least start value, as shares of a
       !> moderate strength.
       real(wp), parameter :: of_moderate = 0.1_wp, least = 1e-3_wp
-      real(wp) :: a(2, 2), b(2), strength(2), moderate(2)
+      real(wp) :: a(2, 2), b(2), strength(2), moderate(2), at(size(combination%parts))
+      !> rows of the damping ratios: derivatives by the strengths, and what strengths of 0 leave
+      real(wp) :: rows(problem%samples()/2, size(combination%parts)), rest(problem%samples()/2)
+      real(wp), allocatable :: jac(:, :), r(:)
+      logical, allocatable :: of_damping(:)
       type(mechanism_t) :: m
       integer :: column(2), k, n
 
@@ -247,10 +250,18 @@ contains
          moderate(k) = problem%scenario%magnitude_of(m%strength, 0)
          call problem%scenario%set(m%strength, 0, of_moderate*moderate(k))
       end do
-      call normal_equations(problem, column(:n), of_moderate*moderate(:n), a, b, misfit, error)
+      call evaluate_rows(problem, r, jac, error)
       if (allocated(error)) return
+      of_damping = .not. are_frequencies(problem)
+      at = of_moderate*moderate(:n)
+      do k = 1, n
+         rows(:, k) = pack(jac(:, column(k)), of_damping)
+      end do
+      rest = matmul(rows, at) - pack(r, of_damping)
+      a(:n, :n) = matmul(transpose(rows), rows)
+      b(:n) = matmul(rest, rows)
       strength(:n) = solution(n)
-      misfit = misfit + dot_product(strength(:n), matmul(a(:n, :n), strength(:n)) - 2*b(:n))
+      misfit = sum((rest - matmul(rows, strength(:n)))**2)
       do k = 1, n
          m = mechanisms(combination%parts(k))
          call problem%scenario%set(m%strength, 0, max(strength(k), least*moderate(k)))
@@ -287,81 +298,52 @@ contains
    !> of the tables: time hysteresis stiffens the beam.
    subroutine match_frequencies(problem)
       type(residual_t), intent(inout) :: problem
-      complex(wp), allocatable :: s(:), ds(:, :)
+      real(wp), allocatable :: jac(:, :), measured(:), r(:)
       type(error_t), allocatable :: error
-      real(wp) :: total
-      integer :: n, r
+      integer :: i
 
       if (.not. any(problem%free == of_E .and. problem%record == 0)) return
-      n = 0
-      total = 0
-      do r = 1, size(problem%parts)
-         select type (table => problem%parts(r)%observed)
-         type is (modal_table_t)
-            if (size(table%mode) == 0) cycle
-            allocate (s(maxval(table%mode)))
-            allocate (ds(size(s), size(problem%free)))
-            call model_roots(problem, problem%scenario, r, s, ds, error)
-            if (allocated(error)) return
-            total = total + sum(log(two_pi*table%frequency/abs(s(table%mode))))
-            n = n + size(table%mode)
-            deallocate (s, ds)
-         end select
-      end do
-      if (n > 0) call problem%scenario%set(of_E, 0, problem%scenario%get(of_E, 0)*exp(2*total/n))
+      call evaluate_rows(problem, r, jac, error)
+      if (allocated(error)) return
+      measured = [(problem%parts(i)%observed%measured, i=1, size(problem%parts))]
+      associate (are => are_frequencies(problem))
+         call problem%scenario%set(of_E, 0, problem%scenario%get(of_E, 0) &
+            *exp(-2*sum(log(1 + pack(r/measured, are)))/count(are)))
+      end associate
    end subroutine match_frequencies
 
-   !> Adds up the normal equations a x = b for the strengths x, weighted by the errors of the
-   !> measured damping ratios.
+   !> Computes the rows of the tables and their derivatives at the values of the scenario.
    !>
-   !> column  (n) places of the strengths among the free parameters
-   !> at      (n) strengths in the scenario
-   !> square  sum of squares for strengths of 0
-   subroutine normal_equations(problem, column, at, a, b, square, error)
+   !> r    (samples) prediction minus measured value, in standard errors
+   !> jac  (samples, free)
+   subroutine evaluate_rows(problem, r, jac, error)
       type(residual_t), intent(inout) :: problem
-      integer, intent(in) :: column(:)
-      real(wp), intent(in) :: at(:)
-      real(wp), intent(out) :: a(2, 2), b(2), square
+      real(wp), allocatable, intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
-      complex(wp), allocatable :: s(:), ds(:, :)
-      real(wp) :: row(size(column)), rest
-      integer :: i, k, n, r
+      real(wp) :: values(size(problem%free))
+      integer :: k, m
 
-      a = 0
-      b = 0
-      square = 0
-      n = size(column)
-      do r = 1, size(problem%parts)
-         select type (table => problem%parts(r)%observed)
-         type is (modal_table_t)
-            if (size(table%mode) == 0) cycle
-            allocate (s(maxval(table%mode)))
-            allocate (ds(size(s), size(problem%free)))
-            call model_roots(problem, problem%scenario, r, s, ds, error)
-            if (allocated(error)) return
-            do k = 1, size(table%mode)
-               i = table%mode(k)
-               row = slope_of_ratio(s(i), ds(i, column))
-               rest = (table%damping(k) + real(s(i))/abs(s(i)) + dot_product(row, at)) &
-                  /table%sd_damping(k)
-               row = row/table%sd_damping(k)
-               b(:n) = b(:n) + rest*row
-               square = square + rest**2
-               a(:n, :n) = a(:n, :n) + spread(row, 2, n)*spread(row, 1, n)
-            end do
-            deallocate (s, ds)
-         end select
+      values = [(problem%scenario%get(problem%free(k), problem%record(k)), k=1, size(values))]
+      allocate (r(problem%rows()), jac(problem%rows(), size(values)))
+      call problem%evaluate(values, r, jac, error)
+      m = problem%samples()
+      r = r(:m)
+      jac = jac(:m, :)
+   end subroutine evaluate_rows
+
+   !> Returns for each row of the tables (samples) whether it is a frequency: in each table they
+   !> come before the damping ratios.
+   function are_frequencies(problem) result(are)
+      type(residual_t), intent(in) :: problem
+      logical, allocatable :: are(:)
+      integer :: i
+
+      allocate (are(0))
+      do i = 1, size(problem%parts)
+         associate (n => size(problem%parts(i)%observed%measured)/2)
+            are = [are, spread(.true., 1, n), spread(.false., 1, n)]
+         end associate
       end do
-   end subroutine normal_equations
-
-   !> Returns the derivatives of a damping ratio -Re(s)/|s|.
-   !>
-   !> ds  (n) derivatives of the root s
-   pure function slope_of_ratio(s, ds) result(slope)
-      complex(wp), intent(in) :: s, ds(:)
-      real(wp) :: slope(size(ds))
-
-      slope = -real(ds)/abs(s) + real(s)*real(conjg(s)*ds)/abs(s)**3
-   end function slope_of_ratio
+   end function are_frequencies
 
 end module beamid_damping_starts
