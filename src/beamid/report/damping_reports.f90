@@ -48,12 +48,9 @@ contains
       is_possible = criteria%aicc - criteria%aicc(best) <= within*excess
       call output%add('damping.csv', damping_table(found, labels, is_possible))
       call text%line('Preferred damping mechanism: '//labels(best)%text)
-      if (count(is_possible) > 1) then
-         is_possible(best) = .false.
-         call text%line('The data do not distinguish it from: '//list_of(labels, is_possible)// &
-            ' (AICc within '//rounded(within*excess, 2)//')')
-         is_possible(best) = .true.
-      end if
+      if (count(is_possible) > 1) call text%line('The data do not distinguish it from: '// &
+         list_of(labels, is_possible .and. [(k /= best, k=1, size(labels))])// &
+         ' (AICc within '//rounded(within*excess, 2)//')')
       if (.not. all(is_possible)) call text%line('The data reject: '//list_of(labels, &
          .not. is_possible)//' (AICc more than '//rounded(within*excess, 2)//' above the best)')
       if (excess > 1) call text%line('The residuals are not white: m samples are worth m/'// &
@@ -334,17 +331,15 @@ contains
    pure function titles(found, first, last) result(line)
       type(damping_models_t), intent(in) :: found
       integer, intent(in) :: first, last
-      character(len=:), allocatable :: line
+      character(len=:), allocatable :: line, title
       integer :: j
 
       line = ''
       do j = first, last
          associate (m => found%measured(j))
-            if (any(found%measured%record /= 1)) then
-               line = line//right(to_text(m%mode)//'('//to_text(m%record)//')', of_numbers)
-            else
-               line = line//right(to_text(m%mode), of_numbers)
-            end if
+            title = to_text(m%mode)
+            if (any(found%measured%record /= 1)) title = title//'('//to_text(m%record)//')'
+            line = line//right(title, of_numbers)
          end associate
       end do
    end function titles
