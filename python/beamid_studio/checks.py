@@ -70,15 +70,15 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
     text = re.sub(r"^(?:beamid: )?(?:\S*\.nml|beamid)(?::\d+)?: ", "", text)
     advice = ADVICE.search(text)
     named = NAMED.search(text)
-    first = re.match(r"(\w+)(?: is |, which the model)", text)
+    first = re.match(r"(\w+) is ", text)
     place: Field = ("", "")
     if named:
         place = (named[1].lower(), named[2].lower())
         text = text.replace(named[0], "", 1).strip()
-    elif first and first[1] in GROUPS:
-        place = (GROUPS[first[1]], first[1].lower())
     elif advice:
         place = ("stage", advice[1].lower())
+    elif first and first[1] in GROUPS:
+        place = (GROUPS[first[1]], first[1].lower())
     else:
         place = next((where for words, where in CONCERNS if words in text), place)
     return Remark(text[:1].upper() + text[1:] if re.match(r"[a-z]+[ :,]", text) else text, place,

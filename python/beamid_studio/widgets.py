@@ -56,7 +56,7 @@ class NumberField:
         self.units, self.sd, self.muted = units, sd, False
         self.factor = next(iter(units.values()), "1")
         with ui.element("div").classes("field"):
-            self.input = ui.input(label, on_change=self.read).props(
+            self.input = ui.input(label or None, on_change=self.read).props(
                 f'outlined dense {"stack-label" if label else ""} debounce=250 inputmode=decimal '
                 f'autocomplete=off data-field="{"-".join(place)}" '
                 f'aria-label="{label or "standard deviation of " + sd}"')
