@@ -842,31 +842,18 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
       complex(wp), intent(out) :: q(:)
-      integer :: h, i
+      complex(wp) :: own(size(y)), between(size(self%hose))
+      integer :: h
 
-      associate (b => self%beam, A => self%compliance)
-         do i = 1, size(self%changing)
-            associate (k => self%changing(i), row => self%row(self%changing(i)))
-               q(i) = 0
-               if (row > 0) then
-                  q(i) = A(row)*y(row)*w(row)
-               else if (k == inertia) then
-                  q(i) = sum(x(:b)*z(:b))
-               else if (k == bending) then
-                  q(i) = sum(self%mu*x(:b)*z(:b))
-               else
-                  do h = 1, size(self%hose)
-                     if (.not. (k == hose(h) .or. k == stretch(h))) cycle
-                     associate (of => self%hose(h), u => self%hose(h)%point, &
-                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
-                        q(i) = hose_trace(of, k, h, form, x(o)*z(o), A(u)*y(u)*w(u), &
-                           A(u)*y(u)*w(v) + A(v)*y(v)*w(u))
-                     end associate
-                  end do
-               end if
-            end associate
-         end do
-      end associate
+      own = self%compliance*y*w
+      do h = 1, size(self%hose)
+         between(h) = 0
+         if (self%hose(h)%row == 0) cycle
+         associate (u => self%hose(h)%point, v => self%hose(h)%row, A => self%compliance)
+            between(h) = A(u)*y(u)*w(v) + A(v)*y(v)*w(u)
+         end associate
+      end do
+      call add_traces(self, form, x*z, own, between, q)
    end subroutine products
 
    !> Computes the trace of Op Z for each operator that depends on a parameter, where Z is Q**-1, or
@@ -881,6 +868,29 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: diagonal(:), T(:, :)
       complex(wp), intent(out) :: q(:)
+      complex(wp) :: own(size(T, 1)), between(size(self%hose))
+      integer :: h, k
+
+      own = [(T(k, k), k=1, size(own))]
+      do h = 1, size(self%hose)
+         between(h) = 0
+         if (self%hose(h)%row == 0) cycle
+         associate (u => self%hose(h)%point, v => self%hose(h)%row)
+            between(h) = T(u, v) + T(v, u)
+         end associate
+      end do
+      call add_traces(self, form, diagonal, own, between, q)
+   end subroutine traces
+
+   !> Adds up the traces of `traces` from the entries that operators on a point or on a hose need.
+   !>
+   !> own      (r) diagonal of A**-1 V'Z V
+   !> between  (hoses) sum of both entries between the row of the point and that of the hose
+   pure subroutine add_traces(self, form, diagonal, own, between, q)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      complex(wp), intent(in) :: diagonal(:), own(:), between(:)
+      complex(wp), intent(out) :: q(:)
       integer :: h, i
 
       associate (b => self%beam)
@@ -888,7 +898,7 @@ contains
             associate (k => self%changing(i), row => self%row(self%changing(i)))
                q(i) = 0
                if (row > 0) then
-                  q(i) = T(row, row)
+                  q(i) = own(row)
                else if (k == inertia) then
                   q(i) = sum(diagonal(:b))
                else if (k == bending) then
@@ -896,16 +906,16 @@ contains
                else
                   do h = 1, size(self%hose)
                      if (.not. (k == hose(h) .or. k == stretch(h))) cycle
-                     associate (of => self%hose(h), u => self%hose(h)%point, &
-                        v => max(1, self%hose(h)%row), o => max(1, self%hose(h)%oscillator))
-                        q(i) = hose_trace(of, k, h, form, diagonal(o), T(u, u), T(u, v) + T(v, u))
+                     associate (of => self%hose(h))
+                        q(i) = hose_trace(of, k, h, form, diagonal(max(1, of%oscillator)), &
+                           own(of%point), between(h))
                      end associate
                   end do
                end if
             end associate
          end do
       end associate
-   end subroutine traces
+   end subroutine add_traces
 
    !> Returns the trace of an operator of a hose.
    !>
