@@ -73,7 +73,7 @@ contains
          call locate(error, trim(truths(k)%name))
          if (allocated(error)) return
          criteria = compute_criteria(found%models)
-         best = minloc(criteria%aicc, dim=1)
+         best = criteria%best()
          if (k == 1) call summary%line(left('truth', 24)//titles(found))
          call summary%line(left(truths(k)%name, 24)//differences(criteria)// &
             '  '//short_name(found, best))

@@ -52,6 +52,8 @@ module beamid_candidates
       !> Factor by which the residuals of the best model exceed the known noise in variance, if that
       !> is improbable; J is divided by it. Otherwise 1.
       real(wp) :: inflation = 1
+   contains
+      procedure :: best
    end type criteria_t
 
 contains
@@ -83,6 +85,15 @@ contains
       criteria%bic = [(bic(criteria%J(k), criteria%samples, models(k)%unknowns(), &
          criteria%noise_is_known), k=1, size(models))]
    end function compute_criteria
+
+   !> Returns the number of the model with the lowest AICc. Of models that fit equally well, it is
+   !> the first, so that round-off does not decide.
+   pure integer function best(self)
+      class(criteria_t), intent(in) :: self
+      real(wp), parameter :: equal = 0.01_wp
+
+      best = findloc(self%aicc <= minval(self%aicc) + equal, .true., dim=1)
+   end function best
 
    !> Returns whether two models have the same records, sample by sample.
    pure logical function same_samples(a, b) result(same)

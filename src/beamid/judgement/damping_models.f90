@@ -120,7 +120,7 @@ contains
       type(criteria_t) :: criteria
 
       criteria = compute_criteria(found%models)
-      associate (best => found%models(minloc(criteria%aicc, dim=1)))
+      associate (best => found%models(criteria%best()))
          call measure_modes(best%model, best%mesh, best%experiments, best%fit, measured, error)
       end associate
       if (allocated(error)) return

@@ -31,15 +31,17 @@ module beamid_range_limits
       integer :: range, strength    !< numbers of the parameters
       logical :: is_large
       integer :: power
-      character(len=56) :: text     !< what remains there
+      character(len=60) :: text     !< what remains there
    end type limit_t
    type(limit_t), parameter :: limits(*) = [ &
       limit_t(of_b_h, of_a_h, .false., 2, 'Kelvin-Voigt damping with c_D I = a_h b_h^2/2'), &
-      limit_t(of_b_h, of_a_h, .true., -1, 'a range far longer than the beam, with this a_h/b_h'), &
+      limit_t(of_b_h, of_a_h, .true., -1, 'a b_h far above the length; only a_h/b_h is '// &
+         'determined'), &
       limit_t(of_b(1), of_d(1), .true., -1, 'Kelvin-Voigt damping with c_D = E d_1/b_1'), &
-      limit_t(of_b(1), of_d(1), .false., 1, 'relaxation far below all frequencies, d_1 b_1'), &
+      limit_t(of_b(1), of_d(1), .false., 1, 'a b_1 near 0; only the product d_1 b_1 is '// &
+         'determined'), &
       limit_t(of_b(2), of_d(2), .true., -1, 'Kelvin-Voigt damping with c_D = E d_2/b_2'), &
-      limit_t(of_b(2), of_d(2), .false., 1, 'relaxation far below all frequencies, d_2 b_2')]
+      limit_t(of_b(2), of_d(2), .false., 1, 'a b_2 near 0; only the product d_2 b_2 is determined')]
 
 contains
 
@@ -76,7 +78,7 @@ contains
          if (strength > 0) call found%statistics%withdraw(strength)
          if (found%other /= '') found%other = found%other//'; '
          found%other = found%other//trim(parameters(limits(j)%range)%name)// &
-            ' is not determined: the records are explained as well by '//trim(limits(j)%text)
+            ' is not determined: the records are explained equally well by '//trim(limits(j)%text)
       end do
    end subroutine judge_ranges
 

@@ -43,7 +43,7 @@ contains
       real(wp) :: excess
       integer :: best, k
 
-      best = minloc(criteria%aicc, dim=1)
+      best = criteria%best()
       excess = excess_of(found, best)
       is_possible = criteria%aicc - criteria%aicc(best) <= within*excess
       call output%add('damping.csv', damping_table(found, labels, is_possible))
@@ -53,9 +53,9 @@ contains
          ' (AICc within '//rounded(within*excess, 2)//')')
       if (.not. all(is_possible)) call text%line('The data reject: '//list_of(labels, &
          .not. is_possible)//' (AICc more than '//rounded(within*excess, 2)//' above the best)')
-      if (excess > 1) call text%line('The residuals are not white: m samples are worth m/'// &
-         rounded(excess, 2)//' independent ones, so that the usual limit of 6 is multiplied by '// &
-         'this factor.')
+      if (excess > 1) call text%line('The residuals are not white: the samples are worth '// &
+         rounded(excess, 2)//' times fewer independent ones. The threshold of AICc, 6 for '// &
+         'white residuals, is multiplied by this number.')
       if (count(is_possible) > 1) then
          call add_reason(found, is_possible, text)
          call add_decision(found, labels, is_possible, best, text)
@@ -115,9 +115,9 @@ contains
       end do
       if (n == 0) return
       if (n <= most) then
-         call text%line('Reason: '//to_text(n)//merge(' mode gives ', ' modes give ', n == 1)// &
-            to_text(n)//' damping ratio'//trim(merge(' ', 's', n == 1))//', which a model with '// &
-            to_text(n)//' or more damping parameters fits exactly.')
+         call text%line('Reason: '//to_text(n)//' measured damping ratio'// &
+            trim(merge(' is  ', 's are', n == 1))//' too few to separate models with '// &
+            to_text(n)//' or more damping parameters.')
          return
       end if
       largest = 0
@@ -172,6 +172,8 @@ contains
       !> Difference of two damping ratios, in standard errors, that decides; and relative difference
       !> below which no measurement does, and from which one is easy.
       real(wp), parameter :: decisive = 4, least = 0.05_wp, easy = 0.2_wp
+      !> Relative difference up to which two differences count as the same.
+      real(wp), parameter :: same = 0.01_wp
       type(fitted_mode_t) :: one, other
       real(wp) :: difference, largest, ratios(2)
       integer :: chosen, j, k, second
@@ -188,7 +190,7 @@ contains
             if (.not. other%frequency > 0) cycle
             difference = abs(one%damping_ratio - other%damping_ratio) &
                /max(one%damping_ratio, other%damping_ratio, tiny(1.0_wp))
-            if (difference <= largest) cycle
+            if (difference <= (1 + same)*largest) cycle
             largest = difference
             chosen = k
             second = j
@@ -204,10 +206,10 @@ contains
       other = mode_of(found, second, 1, chosen)
       ratios = 100*[one%damping_ratio, other%damping_ratio]
       call text%line('A measurement that would decide: the damping ratio of mode '// &
-         to_text(chosen)//' at '//rounded(one%frequency, 4)//', with a standard error below '// &
-         rounded(abs(ratios(1) - ratios(2))/decisive, 2)//' %. It is '//rounded(ratios(1), 3)// &
-         ' % with '//labels(best)%text//', '//rounded(ratios(2), 3)//' % with '// &
-         labels(second)%text//'.')
+         to_text(chosen)//' (frequency '//rounded(one%frequency, 4)//'), with a standard error '// &
+         'below '//rounded(abs(ratios(1) - ratios(2))/decisive, 2)//' percentage points. The '// &
+         'fitted models predict '//rounded(ratios(1), 3)//' % ('//labels(best)%text//') and '// &
+         rounded(ratios(2), 3)//' % ('//labels(second)%text//').')
    end subroutine add_decision
 
    !> Adds a sentence if the rate or range of a model is at a limit, where only one combination of
@@ -226,8 +228,8 @@ contains
          if (m%range == 0) cycle
          if (any(found%models(k)%fit%free == m%range)) cycle
          call text%line(found%combinations(k)%name()//': '//trim(parameters(m%range)%name)// &
-            ' is kept at '//rounded(found%models(k)%fit%scenario%get(m%range, 0), 3)// &
-            ', because no search for it comes to an end.')
+            ' is fixed at '//rounded(found%models(k)%fit%scenario%get(m%range, 0), 3)// &
+            ', because the fit did not converge with it free.')
       end do
       n = size(found%measured)
       if (n == 0) return
@@ -239,10 +241,10 @@ contains
             case (time_hysteresis)
                range = found%models(k)%fit%scenario%get(of_b(1), 0)
                if (range > far*ends(2)) then
-                  call say('b_1 is far above the measured frequencies, where time hysteresis '// &
-                     'is Kelvin-Voigt damping: only d_1/b_1 is determined')
+                  call say('b_1 is far above the angular frequencies of the modes, where time '// &
+                     'hysteresis is Kelvin-Voigt damping: only d_1/b_1 is determined')
                else if (range < ends(1)/far) then
-                  call say('b_1 is far below the measured frequencies, where the '// &
+                  call say('b_1 is far below the angular frequencies of the modes, where the '// &
                      'damping ratio falls like 1/frequency: only d_1 b_1 is determined')
                end if
             case (spatial_hysteresis)
@@ -283,8 +285,8 @@ contains
       associate (fit => found%models(best)%fit)
          noise = sqrt(fit%statistics%variance)
          if (fit%weighted .and. noise > excess) call text%line(filled('warning: the residuals '// &
-            'of the best model are #.1 times the stated noise; something else than damping is '// &
-            'missing in all models', [noise]))
+            'of the best model are #.1 times the stated noise: all models lack an effect other '// &
+            'than damping', [noise]))
       end associate
       if (size(distance) == 0) return
       distance = [(abs(ratio_of(found, best, j) - found%measured(j)%damping) &
@@ -305,8 +307,8 @@ contains
       integer :: first, j, k, last
 
       if (size(found%measured) == 0) then
-         call text%line('The records do not show damping ratios by themselves: that takes a '// &
-            'free decay, a frequency response or a table of modes.')
+         call text%line('No damping ratio can be measured without a model of the damping: that '// &
+            'takes a free decay, a frequency response or a table of modes.')
          call text%line()
       end if
       t = normal_quantile(0.975_wp)
@@ -314,7 +316,7 @@ contains
          last = min(first + most - 1, size(found%measured))
          associate (m => found%measured(first:last))
             call text%line(left('damping ratio [%] of mode', of_names)//titles(found, first, last))
-            call text%line(left('at the frequency', of_names)//numbers(m%frequency, 4))
+            call text%line(left('natural frequency', of_names)//numbers(m%frequency, 4))
             call text%line(left('measured', of_names)//numbers(100*m%damping, 3))
             call text%line(left('95 % half width', of_names)//numbers(100*t*m%sd_damping, 2))
          end associate
