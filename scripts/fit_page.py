@@ -80,9 +80,10 @@ class Fit:
             note = ("summary.txt is from another command: run `identify` again for the warnings of "
                     "the fit")
             return h.box("", headline, [note]) + self.quality_table()
-        first = summary.text.split("\n", 1)[0]
+        first = unwrapped(summary.text)[0]
         warnings, _, statistics = summary.text.rpartition("\nStatistics for")
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
+        lines += [line for line in unwrapped(warnings) if line.startswith("not in these intervals")]
         lines += [line for line in unwrapped(statistics)
                   if any(word in line for word in CHECKS) and not line.startswith(" ")]
         # What stands above the quality of the records makes reservations about the fit.

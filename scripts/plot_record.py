@@ -72,7 +72,7 @@ def draw_record(axes, t, a, window):
     axes.plot(*s.envelope(t[part], a[part]), color=p.BLUE, linewidth=0.7)
     axes.axvspan(max(window[0], t[0]), min(window[1], t[-1]), color=p.SKY, alpha=0.18, linewidth=0)
     axes.set_xlim(t[0], t[-1])
-    axes.set_title("record; in blue the window of the fit", fontsize=9, color=p.GREY)
+    axes.set_title("record; in blue from t_first to t_last", fontsize=9, color=p.GREY)
 
 
 def draw_spectrum(axes, f, amplitude, modes, peaks, heights, hertz):

@@ -268,7 +268,7 @@ def main():
         need("scipy", "scipy>=1.9", arguments.install)
     channels, texts = read_channels(path, arguments)
     if not channels:
-        fail(f"{path}: found no series of real numbers in time, expected one or more"
+        fail(f"{path}: found neither a time series nor an FRF, expected one or more"
              + "".join(f"; {remark}" for remark in REMARKS))
     if arguments.frf:
         found = [(response.name, response) for response in estimated(path, channels, arguments)]

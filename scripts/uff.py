@@ -46,18 +46,22 @@ def read_uff(path):
         else:
             others.append(k + 1)
     others += attach(coherences, responses)
-    remark("left out", others)
+    remark(others, "is left out: it is neither a time series nor an FRF",
+           "are left out: they are neither time series nor FRFs")
+    unread = sorted({int(kind) for kind in file.get_set_types()} - {58, 164})
+    if unread and not channels + responses:
+        REMARKS.append(f"data sets of type {', '.join(map(str, unread))} contain neither")
     if channels:
-        remark("written as a frequency response", [number for number, *_ in responses])
+        remark([number for number, *_ in responses], "is an FRF, written to a file of its own",
+               "are FRFs, each written to a file of its own")
     return channels + [response for *_, response in responses], texts
 
 
-def remark(what, numbers):
-    """Says what happens to sets that are no functions of time."""
+def remark(numbers, one, several):
+    """Says what happens to data sets that are not time series."""
     if numbers:
         listed = ", ".join(map(str, sorted(numbers)))
-        REMARKS.append(f"set {listed} is no function of time: {what}" if len(numbers) == 1 else
-                       f"sets {listed} are no functions of time: {what}")
+        REMARKS.append(f"set {listed} {one}" if len(numbers) == 1 else f"sets {listed} {several}")
 
 
 def check_size(path, number, data):

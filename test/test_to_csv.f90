@@ -103,7 +103,7 @@ contains
       call write_file('bad.npz', 'text')
       call refused('no NumPy file', 'bad.npz', 2, 'bad.npz: numpy cannot read it')
       call convert('complex', 'np.save("i.npy", 1j * a)', '')
-      call refused('complex numbers', 'i.npy', 2, 'i.npy: found no series of real numbers|'// &
+      call refused('complex numbers', 'i.npy', 2, 'i.npy: found neither a time series nor an FRF|'// &
          'i holds no series of real numbers')
       call convert('extended precision', 'np.savez("l.npz", t=t.astype(np.longdouble), '// &
          'acc=a.astype(np.longdouble))', 'l.npz')
@@ -167,7 +167,7 @@ contains
             nl//'g = dict(s, data=f, x=t * t, abscissa_spacing=0, ordinate_axis_units_lab="N", '// &
             'rsp_dir=-1)'//nl//'h = dict(s, func_type=4, abscissa_spec_data_type=18, data=1j * a)' &
             //nl//'pyuff.UFF("'//file//'.uff").write_sets([units, s, g, h], "overwrite")', &
-            file//'.uff', 'set 4 is no function of time')
+            file//'.uff', 'set 4 is left out: it is neither')
          call column(file//': a rate', file//'.csv', 'beam 5+Z [g]', a)
          call column(file//': its own times', file//'_2.csv', 'beam 5-X [N]', f, square=.true.)
          text = read_file(file//'.csv')

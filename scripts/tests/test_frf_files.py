@@ -117,7 +117,7 @@ def test_coherence_belongs_to_its_nodes(tmp_path):
         + data_set(G, COHERENCE, response=(6, -3)) + data_set(G, COHERENCE, response=(5, 3),
                                                               reference=(2, 3)))
     out, err = convert(path)
-    assert "sets 3, 5, 6 are no functions of time: left out" in err
+    assert "sets 3, 5, 6 are left out: they are neither time series nor FRFs" in err
     assert read(tmp_path / "test.csv")[1] == "frequency_hz,real,imag"
     above, header, columns = read(tmp_path / "test_2.csv")
     assert header == "frequency_hz,real,imag,coherence"
@@ -134,7 +134,7 @@ def test_choice(tmp_path):
     for word in ("3", "FRF beam 6+X/node 1+Z", "frf beam 6+x/node 1+z [(m/s^2)/N]"):
         out, err = convert(path, "--channel", word, "--out", one)
         assert np.allclose(read(one)[2][1], 3 * H.real, rtol=1e-5) and "one.csv: 7 rows" in out
-    assert "sets 1, 2 are no functions of time: written as a frequency response" in err
+    assert "sets 1, 2 are FRFs, each written to a file of its own" in err
     out, _ = convert(path)
     assert [line.split("file=")[1].split(",")[0] for line in out.splitlines() if "file=" in line
             ] == ["'test.csv'", "'test_2.csv'", "'test_3.csv'"]

@@ -274,11 +274,17 @@ contains
    subroutine read_units(block, labels)
       type(block_t), intent(inout) :: block
       type(units_t), intent(inout) :: labels
+      real(wp) :: ratio
 
       call read_label('length', labels%length)
       call read_label('force', labels%force)
       call read_label('time', labels%time)
       call read_label('mass', labels%mass)
+      ratio = labels%force_ratio()
+      if (abs(ratio - 1) > epsilon(1.0)) call block%refuse('force', shown(trim(labels%force)), &
+         'a consistent unit, because the program converts none: 1 '//trim(labels%mass)//' '// &
+         trim(labels%length)//'/'//trim(labels%time)//'^2 is '//to_text(ratio)//' '// &
+         trim(labels%force)//'; consistent are m, N, s, kg or mm, N, s, t')
       call block%close()
 
    contains

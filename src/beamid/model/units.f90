@@ -2,6 +2,7 @@
 !> is allowed, and the labels come from the case file.
 module beamid_units
    use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
    use beamid_parameters, only: amplitude, parameters
    use beamid_strings, only: to_text
    implicit none
@@ -17,8 +18,23 @@ module beamid_units
       !> labels of the units of length, force, time and mass; blank if not given
       character(len=label_length) :: length = '', force = '', time = '', mass = ''
    contains
-      procedure :: of_parameter, of_quantity, acceleration, velocity, sum_of_squares
+      procedure :: of_parameter, of_quantity, acceleration, velocity, frequency, sum_of_squares, &
+         force_ratio
    end type units_t
+
+   !> A label of a unit, and the unit in units of the SI.
+   type :: known_unit_t
+      character(len=4) :: label
+      real(wp) :: value
+   end type known_unit_t
+   type(known_unit_t), parameter :: lengths(*) = [known_unit_t('m', 1.0_wp), &
+      known_unit_t('cm', 1e-2_wp), known_unit_t('mm', 1e-3_wp)]
+   type(known_unit_t), parameter :: forces(*) = [known_unit_t('N', 1.0_wp), &
+      known_unit_t('mN', 1e-3_wp), known_unit_t('kN', 1e3_wp), known_unit_t('MN', 1e6_wp)]
+   type(known_unit_t), parameter :: times(*) = [known_unit_t('s', 1.0_wp), &
+      known_unit_t('ms', 1e-3_wp)]
+   type(known_unit_t), parameter :: masses(*) = [known_unit_t('kg', 1.0_wp), &
+      known_unit_t('g', 1e-3_wp), known_unit_t('t', 1e3_wp)]
 
 contains
 
@@ -85,6 +101,36 @@ contains
 
       unit = joined(self%length, '', power(self%time, 2))
    end function acceleration
+
+   !> Returns the label of the unit of frequencies, or nothing if the time has no label.
+   pure function frequency(self) result(unit)
+      class(units_t), intent(in) :: self
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (self%time /= '') unit = '1/'//trim(self%time)
+      if (self%time == 's') unit = 'Hz'
+   end function frequency
+
+   !> Returns mass length/time**2 in units of force: 1 if the units are consistent, or if a label is
+   !> missing or unknown.
+   pure real(wp) function force_ratio(self) result(ratio)
+      class(units_t), intent(in) :: self
+      real(wp) :: values(4)
+
+      values = [value_of(self%mass, masses), value_of(self%length, lengths), &
+         value_of(self%time, times), value_of(self%force, forces)]
+      ratio = 1
+      if (all(values > 0)) ratio = values(1)*values(2)/values(3)**2/values(4)
+   end function force_ratio
+
+   !> Returns the value of a unit in units of the SI; 0 if its label is unknown.
+   pure real(wp) function value_of(label, known) result(value)
+      character(len=*), intent(in) :: label
+      type(known_unit_t), intent(in) :: known(:)
+
+      value = sum(known%value, mask=known%label == label)
+   end function value_of
 
    !> Returns the label of the unit of the objective J, a sum of squared accelerations.
    pure function sum_of_squares(self) result(unit)

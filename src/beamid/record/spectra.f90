@@ -231,11 +231,13 @@ contains
    !>
    !> t, z       (m) times [time] and values as recorded
    !> highest    highest frequency of interest [1/time]
-   !> frequency  of the peak [1/time]; 0 if the record is shorter than a period of `highest`
+   !> frequency  of the peak [1/time]; 0 if the record is shorter than a period of `highest`, or if
+   !>            white noise would have such a peak in more than 1 of 1,000 records
    !> share      of the variance below `highest`, 0 .. 1
    subroutine strongest_peak(t, z, highest, frequency, share)
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), intent(out) :: frequency, share
+      real(wp), parameter :: level = 1e-3_wp
       real(wp), allocatable :: times(:), values(:), power(:)
       real(wp) :: w(size(t)), step, span
       integer :: m
@@ -253,7 +255,13 @@ contains
       power = matched_filter(times, values, 0.0_wp, [0.0_wp, min(highest, (m - 1)/(2*span))], step)
       ! The first points belong to the window and to a trend of the record, not to a motion.
       if (size(power) > 8) frequency = (maxloc(power(6:), dim=1) + 4)*step
-      ! Parseval's theorem: four steps of the grid make one independent frequency.
+      ! The power of white noise is exponentially distributed, with a median of log(2) times its
+      ! mean. Four steps of the grid make one independent frequency.
+      if (size(power) > 8) then
+         if (maxval(power(6:)) < log(size(power)/(4*level))*median(power(6:))/log(2.0_wp)) &
+            frequency = 0
+      end if
+      ! Parseval's theorem.
       share = min(1.0_wp, sum(power)/2/max(sum(values**2), tiny(share)))
    end subroutine strongest_peak
 

@@ -189,6 +189,8 @@ character(len=:), allocatable :: line
 
       unit = ''
       if (name == 'width' .or. name == 'height') unit = units%length
+      if (name == 'density' .and. units%mass /= '' .and. units%length /= '') &
+         unit = trim(units%mass)//'/'//trim(units%length)//'^3'
       do k = 1, size(parameters)
          if (parameters(k)%name /= name(:scan(name//'.', '.') - 1)) cycle
          unit = units%of_parameter(k)

@@ -59,7 +59,7 @@ contains
 
       if (size(modes) == 0) return
       call text%line('N = '//to_text(elements)// &
-         ': modes of the fitted structure, 95 % intervals from those of its parameters')
+         ': modes of the fitted structure, 95 % intervals from the noise alone')
       line = ' mode'
       if (maxval(modes%record) > 1) line = line//' record'
       call text%line(line//'  |s|/2 pi '//frequency_unit(case)// &
@@ -136,8 +136,7 @@ contains
       character(len=:), allocatable :: unit
 
       unit = '[Hz]'
-      if (case%units%time /= '' .and. case%units%time /= 's') &
-         unit = '[1/'//trim(case%units%time)//']'
+      if (case%units%time /= '') unit = '['//case%units%frequency()//']'
    end function frequency_unit
 
 end module beamid_mode_summaries

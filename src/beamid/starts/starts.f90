@@ -367,6 +367,12 @@ contains
          high = aimag(s(size(s)))/two_pi
          call strongest_peak(t, problem%parts(r)%observed%measured, 5*high, strongest, share)
          if (share > 0.05_wp .and. strongest*too_far > low) cycle
+         if (.not. strongest > 0) then
+            call bad_input(error, 'record '//to_text(r)//': found no spectral line above the '// &
+               'noise, expected vibrations of the beam; check whether value_column names the '// &
+               'right column')
+            return
+         end if
          call bad_input(error, 'record '//to_text(r)//': found almost no '// &
             'vibration near the natural frequencies of the model, '//to_text(low)//' to '// &
             to_text(high)//'; expected consistent units in the case and the record')

@@ -211,7 +211,8 @@ contains
                   call describe_scale(case, found%experiments, hint)
                   if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
                end if
-               if (found%verdict%caution /= '') last%statistics%determined = .false.
+               if (found%verdict%caution//found%verdict%no_fit /= '') &
+                  last%statistics%determined = .false.
                call judge_ranges(case%model, mesh, found%experiments, last)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
             end if

@@ -84,17 +84,27 @@ contains
             if (allocated(error)) return
             if (frequencies(1) > nyquist) then
                call bad_input(error, case%path//': record '//to_text(r)// &
-                  ': found a Nyquist frequency of '//rounded(nyquist, 4)// &
+                  ': found a Nyquist frequency of '//with_unit(nyquist, case)// &
                   ', expected more than the first natural frequency of the model, '// &
-                  rounded(frequencies(1), 4)//cause(experiment%samples, frequencies(1)/nyquist))
+                  with_unit(frequencies(1), case)// &
+                  cause(experiment%samples, frequencies(1)/nyquist))
                return
             end if
             if (frequencies(modes) > nyquist) call add_note(notes, 'record '//to_text(r)// &
                ': the model''s mode '//to_text(findloc(frequencies > nyquist, .true., dim=1))// &
-               ' lies above the Nyquist frequency '//rounded(nyquist, 4))
+               ' lies above the Nyquist frequency '//with_unit(nyquist, case))
          end associate
       end do
    end subroutine check_input
+
+   !> Returns a frequency with its unit.
+   function with_unit(frequency, case) result(text)
+      real(wp), intent(in) :: frequency
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: text
+
+      text = trim(rounded(frequency, 4)//' '//case%units%frequency())
+   end function with_unit
 
    !> Describes by how much the strongest spectral line of a free decay is away from the first
    !> natural frequency of the model; '': by no more than ordinary errors explain.
@@ -112,12 +122,18 @@ contains
       do r = 1, size(experiments)
          call compare_with_model(case, experiments(r), frequencies, nyquist, line)
          if (.not. allocated(frequencies)) cycle
-         if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
+         if (.not. line > 0) then
+            text = 'no spectral line of record '//to_text(r)//' stands above its noise: check '// &
+               'whether value_column names the right column'
+            return
+         end if
+         if (distance_to(frequencies, line) < log(usual)) cycle
          text = 'the strongest spectral line of record '//to_text(r)//' is at '// &
-            rounded(line, 4)//', '//rounded(line/frequencies(1), 3)//' times the first natural '// &
-            'frequency of the model, '//rounded(frequencies(1), 4)//': check rate or the time '// &
-            'stamps, the length and the height. If they are right and this line is mode 1, '// &
-            'E is about '//rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
+            with_unit(line, case)//', '//rounded(line/frequencies(1), 3)// &
+            ' times the first natural frequency of the model, '// &
+            with_unit(frequencies(1), case)//': check rate or the time stamps, the length and '// &
+            'the height. If they are right and this line is mode 1, E is about '// &
+            rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
          return
       end do
    end subroutine describe_scale
@@ -126,7 +142,7 @@ contains
    !> record and the strongest spectral line of the record.
    !>
    !> frequencies  (modes) [1/time]; not allocated if the record is no free decay or has few samples
-   !> line         [1/time]; 0 if the record has no line
+   !> line         [1/time]; 0 if no line of the record stands above its noise
    subroutine compare_with_model(case, experiment, frequencies, nyquist, line)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiment
@@ -147,11 +163,13 @@ contains
       call strongest_peak(experiment%samples, experiment%measured, nyquist, line, share)
    end subroutine compare_with_model
 
-   !> Returns what the time stamps look like, if the sampling seems too slow.
+   !> Returns the likely cause if the sampling seems too slow for the model. Time stamps with small
+   !> steps are in seconds; then a value of the beam is the likelier cause.
    !>
    !> factor  ratio of the first natural frequency to the Nyquist frequency
    function cause(t, factor)
       real(wp), intent(in) :: t(:), factor
+      real(wp), parameter :: small = 0.05_wp
       character(len=:), allocatable :: cause
       logical :: are_whole, count_samples
 
@@ -160,6 +178,8 @@ contains
       cause = ''
       if (count_samples) then
          cause = '; the time stamps look like sample numbers'
+      else if (median(t(2:) - t(:size(t) - 1)) < small) then
+         cause = '; check length, height, E and density, and their units'
       else if (factor < 1e3_wp) then
          cause = '; the time stamps look like milliseconds'
       else if (factor < 1e6_wp) then
@@ -202,8 +222,9 @@ contains
       associate (s => suspicions(best))
          call bad_input(error, case%path//': &'//trim(s%group)//' '//trim(s%key)//': found '// &
             rounded(s%value, 4)//', which looks like '//trim(s%unit)//': the first natural '// &
-            'frequency of the model is '//rounded(frequencies(1), 4)// &
-            ', but the strongest line of the record is at '//rounded(line, 4)//'; expected '// &
+            'frequency of the model is '//with_unit(frequencies(1), case)// &
+            ', but the strongest line of the record is at '//with_unit(line, case)// &
+            '; expected '// &
             rounded(s%corrected, 4)//' in the units of the case')
       end associate
    end subroutine check_units
@@ -232,8 +253,10 @@ contains
       end if
       associate (section => case%section)
          if (section%height > 0) then
-            if (section%height >= s%length .or. section%height >= 0.5_wp) &
+            if (section%height >= s%length .or. section%height >= 0.5_wp) then
                call add(scaled(section=1e-3_wp), 'beam', 'height', 'mm', section%height, 1e-3_wp)
+               call add(scaled(height=1e-3_wp), 'beam', 'height', 'mm', section%height, 1e-3_wp)
+            end if
             if (section%density >= 0.3_wp .and. section%density <= 25) &
                call add(scaled(rho=1e3_wp), 'beam', 'density', 'g/cm^3', section%density, 1e3_wp)
          end if
@@ -247,10 +270,10 @@ contains
 
    contains
 
-      !> Returns the structure with some of its values multiplied by factors. A section that is
-      !> scaled scales I and the mass per length.
-      function scaled(E, length, section, rho, m_S, m_T) result(other)
-         real(wp), intent(in), optional :: E, length, section, rho, m_S, m_T
+      !> Returns the structure with some of its values multiplied by factors: `section` scales
+      !> width and height.
+      function scaled(E, length, section, height, rho, m_S, m_T) result(other)
+         real(wp), intent(in), optional :: E, length, section, height, rho, m_S, m_T
          type(structure_t) :: other
 
          other = s
@@ -267,6 +290,10 @@ contains
          if (present(section)) then
             other%I = s%I*section**4
             other%rho = s%rho*section**2
+         end if
+         if (present(height)) then
+            other%I = s%I*height**3
+            other%rho = s%rho*height
          end if
       end function scaled
 

@@ -36,7 +36,7 @@ module beamid_templates
 
    character(len=width), parameter :: strip(*) = [character(len=width) :: &
       '', &
-      '! Metres, seconds, newtons and kilograms; any other consistent set would do.', &
+      '! Metres, seconds, newtons and kilograms, or another consistent set: mm, s, N and t.', &
       '&units  length=''m'', force=''N'', time=''s'', mass=''kg'' /', &
       '', &
       '! An aluminium strip, clamped at one end. Values of free parameters are guesses.', &
@@ -63,11 +63,12 @@ module beamid_templates
       '   file=''record.csv''              ! columns of times and measured values', &
       '   ! value_column=''acceleration''  ! name or number of the column; default: the second', &
       '   scale=1                        ! acceleration = scale (value - offset); default: 1', &
-      '   offset=0                       ! value of the record at zero acceleration; default: 0']
+      '   offset=0                       ! value at zero acceleration; if free: its start value']
 
    character(len=width), parameter :: prior_knowledge(*) = [character(len=width) :: &
       '', &
-      '! Standard deviations of fixed parameters. The total intervals include them.', &
+      '! Standard deviations of fixed parameters. The total intervals include them. For a', &
+      '! density from a handbook: &prior parameter=''density'', sd=30 /', &
       '&prior  parameter=''length'', sd=0.001 /', &
       '&prior  parameter=''height'', sd=0.00002 /']
 
@@ -133,7 +134,7 @@ module beamid_templates
       '! A steel bar on two strings was struck in the middle, below a microphone (ASTM E1876).', &
       begin, &
       '', &
-      '! Metres, seconds, newtons and kilograms; any other consistent set would do.', &
+      '! Metres, seconds, newtons and kilograms, or another consistent set: mm, s, N and t.', &
       '&units  length=''m'', force=''N'', time=''s'', mass=''kg'' /', &
       '', &
       '&beam', &
