@@ -42,8 +42,9 @@ contains
       call block%get('degree', mesh%degree, 'degree of the splines', &
          choices=['3', '5', '7'])
       call block%get('elements', elements, '''auto''', 'number of elements, or several '// &
-         'numbers to compute with each; ''auto'': identify, compare, simulate and track '// &
-         'refine the mesh until their results converge, and other commands use 8 elements', 50, &
+         'numbers to compute with each; ''auto'': identify, compare, simulate, '// &
+         'modes, frf and track refine the mesh until their results converge, and other '// &
+         'commands use 8 elements', 50, &
          range_t(1, 10000), ['auto'], word)
       call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
          range_t(1, 64), default='degree + 1, which integrates exactly')

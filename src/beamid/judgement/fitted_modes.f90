@@ -27,6 +27,8 @@ module beamid_fitted_modes
       real(wp) :: damping_ratio = 0         !< -Re(s)/|s|
       real(wp) :: frequency_half_width = 0  !< [1/time]
       real(wp) :: damping_half_width = 0    !< of the damping ratio
+   contains
+      procedure, private :: add_error
    end type fitted_mode_t
 
 contains
@@ -39,36 +41,87 @@ contains
    !> count  number of modes for each record; the mesh may have fewer
    !> modes  of all records, record by record
    !> error  roots that cannot be found
-   subroutine fitted_modes(mesh, fit, count, modes, error)
+   !> finer  a finer mesh; the half widths then include the error of the mesh
+   subroutine fitted_modes(mesh, fit, count, modes, error, finer)
       type(mesh_t), intent(in) :: mesh
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: count
       type(fitted_mode_t), allocatable, intent(out) :: modes(:)
       type(error_t), allocatable, intent(out) :: error
+      type(mesh_t), intent(in), optional :: finer
+      complex(wp), allocatable :: s(:), ds(:, :), exact(:), ignored(:, :)
+      logical, allocatable :: together(:), exact_together(:)
+      integer :: k, n, r
+
+      allocate (modes(0))
+      n = size(fit%free)
+      do r = 1, size(fit%scenario%structures)
+         call roots_on(mesh, fit, r, count, s, ds, together, error)
+         if (allocated(error)) return
+         do k = 1, size(s)
+            modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
+         end do
+         if (.not. present(finer)) cycle
+         call roots_on(finer, fit, r, size(s), exact, ignored, exact_together, error)
+         if (allocated(error)) return
+         do k = 1, min(size(s), size(exact))
+            associate (mode => modes(size(modes) - size(s) + k))
+               ! On the finer mesh the estimates would be others.
+               if (allocated(fit%mesh_shift)) exact(k) = exact(k) &
+                  + sum(ds(k, :n)*fit%mesh_shift(:n), mask=acting(fit, r))
+               call mode%add_error(exact(k))
+            end associate
+         end do
+      end do
+   end subroutine fitted_modes
+
+   !> Computes the lowest roots of the structure of a record on a mesh, and their derivatives.
+   !>
+   !> s, ds, together  as in `lowest_roots` of the solver `modal`
+   subroutine roots_on(mesh, fit, record, count, s, ds, together, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: record, count
+      complex(wp), allocatable, intent(out) :: s(:), ds(:, :)
+      logical, allocatable, intent(out) :: together(:)
+      type(error_t), allocatable, intent(out) :: error
       type(modal_t) :: solver
       type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(work_t) :: work
-      complex(wp), allocatable :: s(:), ds(:, :)
-      logical, allocatable :: together(:)
-      integer :: k, r
 
-      allocate (modes(0))
-      do r = 1, size(fit%scenario%structures)
-         associate (structure => fit%scenario%structures(r))
-            galerkin = galerkin_of(mesh, structure, moving=fit%free)
-            call solver%prepare(galerkin, error)
-            if (allocated(error)) return
-            equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
-            call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
-               together, work, error)
-            if (allocated(error)) return
-            do k = 1, size(s)
-               modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
-            end do
-         end associate
-      end do
-   end subroutine fitted_modes
+      associate (structure => fit%scenario%structures(record))
+         galerkin = galerkin_of(mesh, structure, moving=fit%free)
+         call solver%prepare(galerkin, error)
+         if (allocated(error)) return
+         equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+         call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
+            together, work, error)
+      end associate
+   end subroutine roots_on
+
+   !> Returns which free parameters act on the structure of a record.
+   function acting(fit, record) result(acts)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: record
+      logical :: acts(size(fit%free))
+
+      associate (owner => fit%quantities(:size(fit%free))%record)
+         acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
+      end associate
+   end function acting
+
+   !> Adds the distance to the exact root to the half widths.
+   subroutine add_error(self, exact)
+      class(fitted_mode_t), intent(inout) :: self
+      complex(wp), intent(in) :: exact
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+      if (self%frequency_half_width < unlimited) self%frequency_half_width = &
+         self%frequency_half_width + abs(abs(exact)/two_pi - self%frequency)
+      if (self%damping_half_width < unlimited .and. abs(exact) > 0) self%damping_half_width = &
+         self%damping_half_width + abs(-real(exact)/abs(exact) - self%damping_ratio)
+   end subroutine add_error
 
    !> Returns a mode with its intervals.
    !>
@@ -104,9 +157,7 @@ contains
          if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
          t = scale*statistics%quantile
-         associate (owner => fit%quantities(:n)%record)
-            acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
-         end associate
+         acts = acting(fit, record)
          modulus_derivative = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, acts)
          damping_derivative = merge(-real(ds)/abs(s), 0.0_wp, acts) &
             + real(s)*modulus_derivative/abs(s)**2

@@ -15,7 +15,7 @@ module beamid_refinement
    implicit none
    private
 
-   public :: add_mesh_shift, identify_refining
+   public :: add_mesh_shift, identify_refining, of_higher_degree
 
 contains
 
@@ -68,8 +68,7 @@ contains
       logical :: failed
 
       if (size(found%free) == 0) return
-      call refit(mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1, &
-         mesh%at_attachments), by_degree)
+      call refit(of_higher_degree(mesh), by_degree)
       if (.not. failed) call refit(mesh_t(mesh%degree, 2*mesh%elements, mesh%degree + 1, 1, &
          mesh%at_attachments), by_elements)
       if (failed) return
@@ -113,5 +112,12 @@ contains
       end subroutine refit
 
    end subroutine add_mesh_shift
+
+   !> Returns the mesh with splines of a degree higher by 2.
+   pure type(mesh_t) function of_higher_degree(mesh) result(higher)
+      type(mesh_t), intent(in) :: mesh
+
+      higher = mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1, mesh%at_attachments)
+   end function of_higher_degree
 
 end module beamid_refinement

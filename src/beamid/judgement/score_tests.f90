@@ -30,8 +30,8 @@ module beamid_score_tests
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
-   use beamid_structure, only: J_S_at, of_eta, of_gamma, no_spring, of_kappa_R, structure_t, &
-      x_S_at, yielding
+   use beamid_structure, only: J_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
+      structure_t, x_S_at, yielding
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart
    use beamid_whiteness, only: effective_samples
@@ -67,9 +67,9 @@ module beamid_score_tests
 
 contains
 
-   !> Tests k_R, J_S, gamma and x_S, eta if no record is a function of time, and the offset of each
-   !> record that is one, as far as the fit has not estimated them. J_S and x_S are those of the
-   !> sensor of the first record.
+   !> Tests k_R, J_S, gamma, c_D and x_S, eta if no record is a function of time, and the offset of
+   !> each record that is one, as far as the fit has not estimated them. J_S and x_S are those of
+   !> the sensor of the first record.
    !>
    !> fit    result of one stage, with statistics
    !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
@@ -112,8 +112,8 @@ contains
          associate (s => fit%scenario%structures(1), p => candidates(k))
             tests(k)%name = name_of_parameter(s, p)
             tests(k)%parameter = p
-            call test(fit, d, s%get(p), is_nonnegative=any(p == [of_kappa_R, of_gamma, of_eta, &
-               J_S_at]), sd=prior_error(problem, p), one=tests(k))
+            call test(fit, d, s%get(p), is_nonnegative=any(p == [of_kappa_R, of_gamma, of_c_D, &
+               of_eta, J_S_at]), sd=prior_error(problem, p), one=tests(k))
             ! For several records the search for start values would take longer than their fit.
             if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, &
                experiments, fit, p, prior_error(problem, p), tests(k))
@@ -150,7 +150,7 @@ contains
       integer, allocatable, intent(out) :: candidates(:)
       integer :: k
 
-      associate (all_of_them => [of_kappa_R, J_S_at(structure%observer), of_gamma, &
+      associate (all_of_them => [of_kappa_R, J_S_at(structure%observer), of_gamma, of_c_D, &
          x_S_at(structure%observer), of_eta])
          candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
             k=1, size(all_of_them))])

@@ -2,9 +2,10 @@
 module beamid_simulation
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t
+   use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: coarsest, finest, galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
+   use beamid_modes, only: undamped_modes
    use beamid_observation, only: new_sampling, observation_t, sampling_t
    use beamid_priors, only: prior_t
    use beamid_responses, only: prepare_for, response_t, solver_t, work_t
@@ -12,7 +13,7 @@ module beamid_simulation
    implicit none
    private
 
-   public :: model_t, simulation_t, simulate, simulate_converged
+   public :: model_t, simulation_t, simulate, simulate_converged, refine_for_modes
 
    !> A model without its mesh: everything that turns parameters into accelerations.
    type :: model_t
@@ -116,5 +117,42 @@ contains
          mesh%elements = 2*mesh%elements
       end do
    end subroutine simulate_converged
+
+   !> Doubles the number of elements until the lowest natural frequencies change no further, by 1 in
+   !> 10,000.
+   !>
+   !> count      number of natural frequencies
+   !> mesh       on return with the number of elements
+   !> remaining  largest relative change in the last step; above 1e-4 if even the finest mesh does
+   !>            not suffice
+   subroutine refine_for_modes(structure, count, mesh, remaining, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: count
+      type(mesh_t), intent(inout) :: mesh
+      real(wp), intent(out) :: remaining
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: allowed = 1e-4_wp
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      real(wp), allocatable :: before(:), omega(:), shapes(:, :)
+      integer :: n
+
+      mesh%elements = coarsest
+      remaining = huge(remaining)
+      do
+         galerkin = galerkin_of(mesh, structure, fixed=.true.)
+         equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+         call undamped_modes(equations, omega, shapes, error)
+         if (allocated(error)) return
+         if (allocated(before)) then
+            n = min(count, size(before))
+            remaining = maxval(abs(before(:n) - omega(:n))/max(omega(:n), tiny(remaining)), &
+               mask=omega(:n) > 0)
+         end if
+         if (remaining <= allowed .or. mesh%elements >= finest) return
+         call move_alloc(omega, before)
+         mesh%elements = 2*mesh%elements
+      end do
+   end subroutine refine_for_modes
 
 end module beamid_simulation

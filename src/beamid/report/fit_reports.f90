@@ -10,6 +10,7 @@ module beamid_fit_reports
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary
    use beamid_outputs, only: output_t
    use beamid_response_reports, only: add_fitted_responses, add_measured_modes
+   use beamid_refinement, only: of_higher_degree
    use beamid_score_reports, only: add_score_lines, add_score_table
    use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary
@@ -95,7 +96,8 @@ contains
 
       call table%line(fitted_modes_header)
       do k = 1, size(case%meshes)
-         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error)
+         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error, &
+            of_higher_degree(case%meshes(k)))
          if (allocated(error)) return
          call add_fitted_modes(table, case%meshes(k)%elements, modes)
       end do

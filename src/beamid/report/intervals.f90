@@ -254,6 +254,14 @@ contains
       do k = 1, size(fit%free)
          call compare_methods(list, fit, k, text)
       end do
+      if (.not. allocated(fit%held)) return
+      if (size(fit%held) == 0) return
+      line = ''
+      do k = 1, size(fit%held)
+         line = line//', '//trim(fit%held(k)%name)
+      end do
+      call text%line('these intervals do not include the errors of the fixed parameters '// &
+         line(3:)//'; the total intervals of identify do')
 
    contains
 

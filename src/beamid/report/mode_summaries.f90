@@ -59,7 +59,7 @@ contains
 
       if (size(modes) == 0) return
       call text%line('N = '//to_text(elements)// &
-         ': modes of the fitted structure, 95 % intervals from the noise alone')
+         ': modes of the fitted structure, 95 % intervals from noise and mesh')
       line = ' mode'
       if (maxval(modes%record) > 1) line = line//' record'
       call text%line(line//'  |s|/2 pi '//frequency_unit(case)// &

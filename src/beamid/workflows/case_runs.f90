@@ -21,7 +21,7 @@ module beamid_case_runs
    use beamid_modes, only: undamped_modes
    use beamid_records, only: note_length
    use beamid_roots, only: damped_roots
-   use beamid_simulation, only: simulate_converged
+   use beamid_simulation, only: refine_for_modes, simulate_converged
    use beamid_strings, only: to_text
    implicit none
    private
@@ -47,6 +47,7 @@ module beamid_case_runs
    !> Modes of the structure of a case and, if the case can be fitted, of the fitted structure.
    type :: case_modes_t
       type(mesh_modes_t), allocatable :: meshes(:)           !< (meshes)
+      real(wp) :: remaining = 0     !< relative change of the natural frequencies by the finest mesh
       logical :: is_fitted = .false.                         !< whether a fit was tried
       type(case_t) :: case                                   !< as it is fitted, by `modal`
       type(experiment_t), allocatable :: experiments(:)      !< (records)
@@ -145,26 +146,40 @@ contains
 
    !> Computes the natural modes of the structure on each mesh, and fits the case if it can be
    !> fitted. A fit that fails is no error, because the modes of the declared structure are known.
+   !> Without `elements`, the mesh is refined for the lowest modes, and only these are kept.
+   !>
+   !> case  on return with the refined mesh
    subroutine modes_of_case(case, found, error, monitor)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(case_modes_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: still
+      !> Number of modes for which a mesh is refined.
+      integer, parameter :: lowest = 10
       real(wp), allocatable :: shapes(:, :)
       integer :: k
 
       still = new_pulse(0.0_wp, 1.0_wp)
       allocate (found%meshes(size(case%meshes)))
       do k = 1, size(case%meshes)
+         if (case%refines) call refine_for_modes(case%model%structure, lowest, case%meshes(k), &
+            found%remaining, error)
+         call locate(error, case%path)
+         if (allocated(error)) return
          galerkin = galerkin_of(case%meshes(k), case%model%structure, fixed=.true.)
          equations = new_equations(galerkin, case%model%structure, still)
          call undamped_modes(equations, found%meshes(k)%omega, shapes, error)
          if (.not. allocated(error)) call damped_roots(equations, found%meshes(k)%roots, error)
          call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
          if (allocated(error)) return
+         if (.not. case%refines) cycle
+         associate (here => found%meshes(k))
+            here%omega = here%omega(:min(lowest, size(here%omega)))
+            here%roots = here%roots(:min(lowest, size(here%roots)))
+         end associate
       end do
       if (found%is_fitted .and. .not. allocated(found%fit_error)) call identify_meshes( &
          found%case%model, found%case%meshes, found%case%stages, found%experiments, found%fits, &

@@ -20,7 +20,7 @@ module beamid_ensemble_rows
    implicit none
    private
 
-   public :: row_t, add_fit_rows, add_mode_rows, replace_intervals
+   public :: row_t, add_fit_rows, add_mode_rows, most_modes, replace_intervals
 
    !> Result of a command for one parameter, in the parameter's unit. `unlimited` stands for a
    !> number that the command does not give, and for the end of an interval without limit.

@@ -6,7 +6,7 @@ module beamid_ensembles
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: find_fits
    use beamid_cases, only: grid_times, load_experiments
-   use beamid_ensemble_rows, only: add_fit_rows, add_mode_rows, replace_intervals, row_t
+   use beamid_ensemble_rows, only: add_fit_rows, add_mode_rows, most_modes, replace_intervals, row_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t, prepare_experiment, prepared_experiment_t
@@ -23,6 +23,7 @@ module beamid_ensembles
    use beamid_records, only: are_in_time, note_length
    use beamid_refusals, only: refuse
    use beamid_responses, only: work_t
+   use beamid_simulation, only: refine_for_modes
    use beamid_structure, only: yielding
    use beamid_structure_checks, only: check_structure
    use beamid_unknowns, only: scenario_t
@@ -67,6 +68,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: notes(:)
       type(mesh_t) :: mesh
+      real(wp) :: remaining
       integer :: i
 
       maker%case = case
@@ -75,6 +77,9 @@ contains
       if (.not. needs_records(case)) then
          allocate (maker%experiments(1))
          maker%experiments(1)%excitation = new_pulse(0.0_wp, 1.0_wp)
+         if (case%refines) call refine_for_modes(case%model%structure, most_modes, &
+            maker%case%meshes(1), remaining, error)
+         if (allocated(error)) return
       else
          call check_needs(maker%case, needs_fit, error)
          if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &

@@ -16,6 +16,7 @@ module beamid_frequency_runs
    use beamid_records, only: note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: prepare_for, work_t
+   use beamid_simulation, only: refine_for_modes
    use beamid_statistics, only: unlimited
    use beamid_structure, only: structure_t
    implicit none
@@ -101,15 +102,26 @@ contains
       if (found%is_fitted) call load_experiments(found%fitted, found%experiments, notes, error)
    end subroutine find_fit
 
-   !> Fits the case if it can be fitted, and computes the frequency response on each mesh.
+   !> Fits the case if it can be fitted, and computes the frequency response on each mesh. Without a
+   !> fit and without `elements`, the mesh is refined for the lowest natural frequencies.
+   !>
+   !> case  on return with the refined mesh
    subroutine compute_responses(case, found, error, monitor)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(case_response_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_fit_t), allocatable :: fits(:, :)
+      !> Number of natural frequencies for which the mesh is refined.
+      integer, parameter :: lowest = 10
+      real(wp) :: remaining
       integer :: k
 
+      if (case%refines .and. .not. found%is_fitted) call refine_for_modes( &
+         found%experiment%structure_of(case%model%structure), lowest, case%meshes(1), remaining, &
+         error)
+      call locate(error, case%path)
+      if (allocated(error)) return
       if (found%is_fitted) then
          call identify_meshes(found%fitted%model, case%meshes, found%fitted%stages, &
             found%experiments, fits, error, monitor)
