@@ -18,7 +18,7 @@ import numpy as np
 from model_curve import model_curve
 from program import has_rows
 
-SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("held parameters", "orange"),
+SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("fixed parameters", "orange"),
            ("mesh", "purple"))
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
@@ -83,9 +83,9 @@ class Fit:
         first = unwrapped(summary.text)[0]
         warnings, _, statistics = summary.text.rpartition("\nStatistics for")
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
-        lines += [line for line in unwrapped(warnings) if line.startswith("not in these intervals")]
         lines += [line for line in unwrapped(statistics)
                   if any(word in line for word in CHECKS) and not line.startswith(" ")]
+        lines += [line for line in unwrapped(warnings) if line.startswith("not in these intervals")]
         # What stands above the quality of the records makes reservations about the fit.
         above = summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
         lines = [line for line in unwrapped(above) if not line.startswith("no fit")] + lines

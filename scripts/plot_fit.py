@@ -121,8 +121,8 @@ def draw_estimates(axes, rows, corrected, facts):
     intervals = any(row["low"] for row in rows)
     axes.set_title("Estimates" + ", 95 % intervals" * intervals)
     if any(row.get(total[0]) for row in rows):
-        axes.text(0, 1, "of parameters: with every source of error that the case states", va="top", fontsize=8.5,
-                  color=p.GREY)
+        axes.text(0, 1, "of parameters: with every source of error that the case states",
+                  va="top", fontsize=8.5, color=p.GREY)
     lines = estimate_lines(rows, ends, facts)
     step = min(0.055, 0.96 / sum(line[3] for line in lines))
     y = 0.93

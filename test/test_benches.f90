@@ -14,7 +14,7 @@ program test_benches
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, no_spring, structure_t
+   use beamid_structure, only: n_parameters, no_spring, of_gamma, structure_t
    use checks, only: check, check_close, finish, held_root, in_long_run
    use full_benches, only: bench_motion
    use full_matrices, only: qp
@@ -50,6 +50,9 @@ program test_benches
    end do
    do number = 31, 40
       call test_motions(number, heavy=modulo(number, 3) == 0, relaxations=1 + modulo(number, 2))
+   end do
+   do number = 13, 18
+      call test_still_air(number)
    end do
    call test_frequencies()
    call finish('benches')
@@ -171,6 +174,52 @@ contains
       if (heavy) call check_close(name//'tilt by cvode', wrong(4)/size_of(4), 0.0_wp, &
          accumulated_error(rtol, work%steps))
    end subroutine test_motions
+
+   !> Derivatives with respect to air damping where there is none and the base moves. The base then
+   !> loads the beam by its velocity as soon as gamma differs from 0. Reference and bound are those
+   !> of `test_motions`; gamma of the bench is the scale.
+   subroutine test_still_air(number)
+      integer, intent(in) :: number
+      type(structure_t) :: s, above, below
+      type(excitation_t) :: excitation
+      type(equations_t), target :: equations
+      type(modal_t) :: solver
+      type(response_t) :: response
+      type(response_t), allocatable :: slopes(:)
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      real(wp) :: f(nodes), step, h, scale, wrong(4), size_of(4)
+      real(qp), dimension(samples, 4) :: known, plus, minus
+      character(len=:), allocatable :: name
+      integer :: k
+
+      s = bench(number)
+      name = 'bench '//to_text(number)//', still air: '
+      scale = max(s%gamma, 0.01_wp*s%rho*s%omega())
+      s%gamma = 0
+      step = 0.25_wp/s%omega()
+      call drive(number, step, f, excitation)
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), s%length, held_root(s%end(1)%kappa_R > 0))
+      call solver%prepare(galerkin, error)
+      equations = new_equations(galerkin, s, excitation)
+      call solver%differentiate(equations, excitation, [(k*step, k=1, samples)], [of_gamma], &
+         response, slopes, work, error)
+      call check(name//'a response', .not. allocated(error))
+      if (allocated(error)) return
+      call bench_motion(galerkin, s, s, excitation%is_base, step, f, known)
+      size_of = real(maxval(abs(known), dim=1), wp)
+      size_of(4) = 1
+      h = 1e-8_wp*scale
+      above = s
+      above%gamma = h
+      below = s
+      below%gamma = -h
+      call bench_motion(galerkin, above, s, excitation%is_base, step, f, plus)
+      call bench_motion(galerkin, below, s, excitation%is_base, step, f, minus)
+      call differ(slopes(1), (plus - minus)/(2*real(h, qp)), wrong)
+      wrong(4) = 0
+      call check_close(name//'by gamma', maxval(wrong*scale/size_of), 0.0_wp, 1e-8_wp)
+   end subroutine test_still_air
 
    !> The largest difference of each motion.
    subroutine differ(response, known, wrong)

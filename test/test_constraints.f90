@@ -5,7 +5,7 @@ program test_constraints
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: alone, galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_responses, only: response_t
    use beamid_strings, only: to_text
@@ -70,7 +70,7 @@ contains
       call check_close(name//'condensed', maxval(abs(dense_of(condensed) - whole)) &
          /maxval(abs(whole)), 0.0_wp, 40*eps)
       call check(name//'the band stays', condensed%kd <= degree, to_text(condensed%kd))
-      point = galerkin%moments(2.0_wp)
+      point = galerkin%moments(2.0_wp, alone)
       call check_close(name//'a load', maxval(abs(constraints%of_vector(point) &
          - matmul(point, map)))/maxval(abs(point)), 0.0_wp, 20*eps)
    end subroutine test_map

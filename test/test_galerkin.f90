@@ -1,7 +1,7 @@
 !> Galerkin integrals against exact rationals, polynomials in closed form and Romberg's quadrature.
 program test_galerkin
    use beamid_bands, only: band_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: alone, galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, held_root, of_mesh
@@ -121,7 +121,7 @@ contains
          allowed = 100*eps
          if (abs(powers(k) - nint(powers(k))) > 0) allowed = 100*(degree + 1.0_wp)**(-11)
          call check_close(of_mesh(degree, elements, turning)//'<theta, b_i>, power '// &
-            to_text(powers(k)), maxval(abs(galerkin%moments(powers(k)) - theta)) &
+            to_text(powers(k)), maxval(abs(galerkin%moments(powers(k), alone) - theta)) &
             /maxval(abs(theta)), 0.0_wp, allowed)
       end do
    end subroutine test_against_romberg
@@ -260,7 +260,7 @@ contains
          name = of_mesh(degree, elements, .true.)//merge('exact', 'rough', rule == 1)//' rule, '
          factor = galerkin%inertia
          call factor%factor(positive)
-         x = length*galerkin%moments(1.0_wp)
+         x = length*galerkin%moments(1.0_wp, alone)
          call factor%solve(x)
          ! The inertia has a condition of 1e3 (cubics) to 1e8 (degree 7).
          call check_close(name//'x at the tip', dot_product(galerkin%tip, x)/length, 1.0_wp, &
@@ -269,17 +269,17 @@ contains
             1e-9_wp)
          force = galerkin%inertia%times(x)
          call check_close(name//'<x, x> is the integral of x^2', dot_product(x, force) &
-            /(length**2*galerkin%integral(2.0_wp)), 1.0_wp, 1e-9_wp)
+            /(length**2*galerkin%integral(2.0_wp, alone)), 1.0_wp, 1e-9_wp)
          do k = 2, 3
             call check_close(name//'<theta, x>, power '//to_text(k), dot_product(x, &
-               galerkin%moments(real(k, wp)))/(length*galerkin%integral(k + 1.0_wp)), 1.0_wp, &
-               1e-9_wp)
+               galerkin%moments(real(k, wp), alone))/(length*galerkin%integral(k + 1.0_wp, &
+               alone)), 1.0_wp, 1e-9_wp)
          end do
          do k = 0, 4
             ! Midpoints err by k(k - 1)/24 of the panels' width squared, relative to 1/(k - 1).
             exact = length/(k + 1)
             call check_close(name//'integral of (x/l)^'//to_text(k), galerkin%integral(real(k, &
-               wp))/exact, 1.0_wp, 20*eps + merge(0.0_wp, (k + 1)*k &
+               wp), alone)/exact, 1.0_wp, 20*eps + merge(0.0_wp, (k + 1)*k &
                /(24*real(elements*(2*degree + 2), wp)**2), rule == 1 .or. k < 2))
          end do
       end do
@@ -322,7 +322,7 @@ contains
             50*eps)
          call check_close(name//'tip of x^3', dot_product(galerkin%tip, cube)/l**3, 1.0_wp, 50*eps)
          call check_close(name//'<(x/l)^2, x^2> = l^3/5', &
-            dot_product(galerkin%moments(2.0_wp), square)*5/l**3, 1.0_wp, 200*eps)
+            dot_product(galerkin%moments(2.0_wp, alone), square)*5/l**3, 1.0_wp, 200*eps)
       end associate
    end subroutine test_polynomials
 

@@ -29,6 +29,10 @@ program test_input_checks
       call test_columns()
       call test_stamps()
       call test_lead_in()
+      call test_noise()
+      call test_modes_without_elements()
+      call test_errors_left_out()
+      call test_modes_on_meshes()
       call close_shell()
    end if
    call finish('input_checks')
@@ -73,6 +77,12 @@ contains
          'length=300, width=25, height=1', '&beam length: found 300, which looks like mm')
       call refused('section in mm', 'width=0.025, height=0.001', 'width=25, height=1', &
          '&beam height: found 1, which looks like mm')
+      call refused('height in mm', 'height=0.001', 'height=1', &
+         '&beam height: found 1, which looks like mm')
+      call refused('inconsistent labels', 'length=''m''', 'length=''mm''', &
+         '&units force: found ''N'', expected a consistent unit')
+      call accepted('consistent labels', 'length=''m'', force=''N'', time=''s'', mass=''kg''', &
+         'length=''mm'', force=''N'', time=''s'', mass=''t''')
       call refused('density in g/cm^3', 'density=7850', 'density=7.85', &
          '&beam density: found 7.85, which looks like g/cm^3')
       call refused('mass in g', 'm_S=0.005', 'm_S=5', '&sensor m_S: found 5, which looks like g')
@@ -169,6 +179,105 @@ contains
          index(outcome%out, 'warning: the motion begins at 2') > 0, &
          outcome%out(:min(300, len(outcome%out))))
    end subroutine test_lead_in
+
+   !> A record of white noise, as that of a wrong column: refused, and the likely cause is named. Of
+   !> 1,000 such records, one may show a peak; the seed is one of the 999.
+   subroutine test_noise()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: text
+      real(wp) :: noise(m)
+      integer :: k
+
+      noise = gaussian_noise(m, 0.03_wp, 11)
+      text = 't,a'//nl
+      do k = 1, m
+         text = text//to_text(k*0.002_wp)//','//to_text(noise(k))//nl
+      end do
+      call write_file('record.csv', text)
+      call write_file('case.nml', ruler)
+      outcome = beamid('identify case.nml --quiet --out noise')
+      call check('noise: status 2', outcome%status == 2, outcome%err)
+      call check('noise: the column is named', index(outcome%err, 'no spectral line above the '// &
+         'noise') > 0 .and. index(outcome%err, 'value_column') > 0, outcome%err)
+      call check('noise: no output', read_file('noise/estimates.csv') == '')
+   end subroutine test_noise
+
+   !> Without `elements`, modes refines the mesh: mode 10 of the ruler without sensor has
+   !> (19 pi/2)**2 = 890.7317973 for (k l)**2 to ten digits. With 8 elements it was 7 times as high.
+   subroutine test_modes_without_elements()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: line, text
+      real(wp) :: expected, found
+      integer :: at, first, ios
+
+      call write_file('modes.nml', '&beam length=0.3, width=0.025, height=0.001, '// &
+         'density=7850, E=2.0e11 /'//nl)
+      outcome = beamid('modes modes.nml --quiet --out modes')
+      call check('modes: status 0', outcome%status == 0, outcome%err)
+      text = read_file('modes/modes.csv')
+      at = index(text, ',10,')
+      found = 0
+      if (at > 0) then
+         first = at + 4
+         line = text(first:first + index(text(first:), ',') - 2)
+         read (line, *, iostat=ios) found
+      end if
+      expected = 890.7317973_wp/0.3_wp**2*sqrt(2e11_wp*0.001_wp**2/12/7850)/two_pi
+      ! The mesh has converged to 1e-4, and with an error of fourth order to a fifteenth of that.
+      call check('modes: the tenth frequency', abs(found/expected - 1) < 1e-5_wp, to_text(found))
+      call check('modes: ten modes', index(text, ',11,') == 0, text)
+   end subroutine test_modes_without_elements
+
+   !> Profiles leave out the errors of fixed parameters, and say so.
+   subroutine test_errors_left_out()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: text
+
+      call write_record(0.002_wp, 0)
+      call write_file('case.nml', ruler//'&prior parameter=''height'', sd=1e-5 /'//nl)
+      outcome = beamid('profile case.nml --quiet --out profile')
+      call check('profile: errors left out are named', index(outcome%out, &
+         'do not include the errors of the fixed parameters height') > 0, outcome%out)
+      call write_file('case.nml', ruler)
+      outcome = beamid('profile case.nml --quiet --out profile')
+      text = outcome%out
+      call check('profile: no fixed parameter has a prior', index(text, 'do not include') == 0, &
+         text)
+   end subroutine test_errors_left_out
+
+   !> Intervals of the modes of a fit include the error of the mesh: on meshes of 4 and 8 elements,
+   !> they hold the frequencies that a fit with 32 elements finds. With 4 elements, those of modes 3
+   !> to 5 differ by more than ten times their intervals by noise, those with 32 elements.
+   subroutine test_modes_on_meshes()
+      integer, parameter :: elements(3) = [32, 8, 4]
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: text
+      real(wp) :: row(7), frequencies(5, 3), half_widths(5, 3)
+      integer :: at, ios, j, k
+
+      call write_record(0.002_wp, 0)
+      do j = 1, size(elements)
+         call write_file('case.nml', ruler//'&discretization elements='//to_text(elements(j))// &
+            ' /'//nl)
+         outcome = beamid('identify case.nml --quiet --out mesh')
+         text = read_file('mesh/modes.csv')
+         do k = 1, size(frequencies, 1)
+            row = 0
+            at = index(text, nl//to_text(elements(j))//','//to_text(k)//',')
+            ! Frequency, damping ratio, root, record, and the interval of the frequency.
+            if (at > 0) read (text(at + 4 + len(to_text(elements(j))):), *, iostat=ios) row
+            frequencies(k, j) = row(1)
+            half_widths(k, j) = row(1) - row(6)
+            if (j == 1) cycle
+            call check(to_text(elements(j))//' elements: the interval of mode '//to_text(k)// &
+               ' holds its frequency', half_widths(k, j) > 0 .and. &
+               abs(frequencies(k, j) - frequencies(k, 1)) < half_widths(k, j), &
+               to_text(frequencies(k, j))//' +- '//to_text(half_widths(k, j)))
+         end do
+      end do
+      call check('4 elements: noise is not the error', all(abs(frequencies(3:, 3) - &
+         frequencies(3:, 1)) > 10*half_widths(3:, 1)))
+   end subroutine test_modes_on_meshes
 
    !> 200 free decays without a lead-in at random begin at once. With a lead-in of a tenth to nine
    !> tenths of the record the onset is found within 10 ms, a period of the second mode.

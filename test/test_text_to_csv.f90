@@ -155,7 +155,7 @@ contains
       call refused_lvm('unknown columns', replaced(good, 'X_Columns'//tab//'One', &
          'X_Columns'//tab//'Two'), ':1: found X_Columns ''two''')
       call refused_lvm('a spectrum', replaced(good, 'Time'//tab//'Time', 'Frequency'//tab// &
-         'Frequency'), 'found no series|acc is no function of time')
+         'Frequency'), 'found neither|acc is no function of time')
    end subroutine test_bad_lvm
 
    subroutine refused_lvm(what, text, words)
@@ -210,7 +210,7 @@ contains
       call column('an archive: the second table', 'p_2.csv', 'Gyroscope/X', halves, f)
       call refused('an archive with a mistake', 'bad.zip', '', &
          'bad.zip: a.csv:3: column 2 (''a''): found ''x''|expected a number')
-      call refused('an archive without tables', 'meta.zip', '', 'meta.zip: found no series')
+      call refused('an archive without tables', 'meta.zip', '', 'meta.zip: found neither')
       call refused('no archive', 'no.zip', 'text', 'no.zip: cannot be read: ')
    end subroutine test_archive
 

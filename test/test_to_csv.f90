@@ -103,7 +103,8 @@ contains
       call write_file('bad.npz', 'text')
       call refused('no NumPy file', 'bad.npz', 2, 'bad.npz: numpy cannot read it')
       call convert('complex', 'np.save("i.npy", 1j * a)', '')
-      call refused('complex numbers', 'i.npy', 2, 'i.npy: found neither a time series nor an FRF|'// &
+      call refused('complex numbers', 'i.npy', 2, &
+         'i.npy: found neither a time series nor an FRF|'// &
          'i holds no series of real numbers')
       call convert('extended precision', 'np.savez("l.npz", t=t.astype(np.longdouble), '// &
          'acc=a.astype(np.longdouble))', 'l.npz')
@@ -167,7 +168,7 @@ contains
             nl//'g = dict(s, data=f, x=t * t, abscissa_spacing=0, ordinate_axis_units_lab="N", '// &
             'rsp_dir=-1)'//nl//'h = dict(s, func_type=4, abscissa_spec_data_type=18, data=1j * a)' &
             //nl//'pyuff.UFF("'//file//'.uff").write_sets([units, s, g, h], "overwrite")', &
-            file//'.uff', 'set 4 is left out: it is neither')
+            file//'.uff', 'set 4 is an FRF, written to a file of its own')
          call column(file//': a rate', file//'.csv', 'beam 5+Z [g]', a)
          call column(file//': its own times', file//'_2.csv', 'beam 5-X [N]', f, square=.true.)
          text = read_file(file//'.csv')
@@ -175,7 +176,7 @@ contains
             'units_description SI|'//nl//'t [s],beam 5+Z [g]'//nl), text)
       end do
       call write_file('bad.uff', 'text')
-      call refused('no UFF', 'bad.uff', 2, 'bad.uff: |found no series|expected one or more')
+      call refused('no UFF', 'bad.uff', 2, 'bad.uff: |found neither|expected one or more')
    end subroutine test_uff
 
    subroutine test_tdms()

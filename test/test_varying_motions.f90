@@ -35,6 +35,7 @@ program test_varying_motions
       call test_memory(way)
    end do
    call test_derivatives()
+   call test_air()
    call test_nothing()
    call test_flat_dips()
    call finish('varying_motions')
@@ -113,6 +114,33 @@ contains
          call compare(trim(ways(way))//', '//trim(names(i)), e)
       end do
    end subroutine test_against_cvode
+
+   !> A base that moves at a constant speed v through air, whose damping falls linearly from 2 gamma
+   !> at the root to 0 at the tip: the air bends the cantilever by 2 gamma v l**4/(30 E I) at the
+   !> tip, and the derivative with respect to gamma is this deflection over gamma. At t = 100 the
+   !> transient has decayed by exp(-50), and quintic splines contain the static deflection.
+   subroutine test_air()
+      type(experiment_t) :: e
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: columns(:, :), derivatives(:, :, :)
+      real(wp) :: bent
+
+      e%structure = structure_t(length=1, rho=1, E=1, I=1, c_D=0.05_wp, gamma=1)
+      e%structure%variations%gamma = new_variation(in_lines, [0.0_wp, 1.0_wp], [2.0_wp, 0.0_wp])
+      e%mesh = mesh_t(5, 4, 6, 1)
+      e%sampling = new_sampling(observation_t(), [100.0_wp, 101.0_wp])
+      call new_base_motion([0.0_wp, 1.0_wp, 1.5_wp, 200.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], &
+         e%excitation, error)
+      call prepare(e)
+      call exact(e, [of_gamma], columns, derivatives, error)
+      call check('air on a moving base: a response', .not. allocated(error))
+      if (allocated(error)) return
+      ! The speed is 1.25.
+      bent = -2*1.25_wp/30
+      call check_close('air on a moving base: deflection', columns(1, 1)/bent, 1.0_wp, 1e-9_wp)
+      call check_close('air on a moving base: by gamma', derivatives(1, 1, 1)/bent, 1.0_wp, &
+         1e-9_wp)
+   end subroutine test_air
 
    !> A structure gives the same motion whatever was solved before: roots are followed from those of
    !> one that is nearly alike, and found to 1e-15, times phases of ten and more.

@@ -2,7 +2,7 @@
 !> sensors with rotary inertia, supports, a force anywhere, a base that moves, weight. A rigid
 !> support is a force that leaves no acceleration there, or minus that of the base.
 module full_benches
-   use beamid_galerkin, only: galerkin_t
+   use beamid_galerkin, only: alone, galerkin_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_structure, only: of_x_F, structure_t, x_H_at, x_M_at, x_P_at, x_S_at
@@ -162,7 +162,7 @@ contains
       allocate (held(size(M, 1), 0), rides(0))
       M = 0; C = 0; K = 0; loads = 0; whole = 0
       tip = at(galerkin%space%length + 0.0_qp, galerkin%space%length, 0)
-      whole(:n) = longer*galerkin%moments(0.0_wp)
+      whole(:n) = longer*galerkin%moments(0.0_wp, alone)
       M(:n, :n) = s%rho*longer*dense_of(galerkin%inertia)
       C(:n, :n) = s%gamma*longer*dense_of(galerkin%inertia) &
          + real(s%c_D, qp)*s%I/longer**3*dense_of(galerkin%bending)

@@ -5,7 +5,7 @@
 module full_matrices
    use, intrinsic :: iso_fortran_env, only: real128
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t
+   use beamid_galerkin, only: alone, galerkin_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: composite, rule_t
    use beamid_structure, only: n_parameters, of_c_D, of_c_H, of_c_R, of_E, of_gamma, of_I, of_J_S, &
@@ -92,7 +92,7 @@ contains
                *(space%length/structure%length), i))
          end do
          allocate (self%shape(self%n), source=0.0_qp)
-         if (excitation%distributed) self%shape = padded(galerkin%moments(excitation%power))
+         if (excitation%distributed) self%shape = padded(galerkin%moments(excitation%power, alone))
       end associate
       self%stretch = -self%tip
       if (self%hose) self%stretch(self%n) = 1

@@ -281,7 +281,7 @@ contains
       call read_label('time', labels%time)
       call read_label('mass', labels%mass)
       ratio = labels%force_ratio()
-      if (abs(ratio - 1) > epsilon(1.0)) call block%refuse('force', shown(trim(labels%force)), &
+      if (abs(ratio - 1) > 1e-6_wp) call block%refuse('force', shown(trim(labels%force)), &
          'a consistent unit, because the program converts none: 1 '//trim(labels%mass)//' '// &
          trim(labels%length)//'/'//trim(labels%time)//'^2 is '//to_text(ratio)//' '// &
          trim(labels%force)//'; consistent are m, N, s, kg or mm, N, s, t')

@@ -14,6 +14,8 @@ module beamid_galerkin
 
    public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_band
 
+   !> Known factors of an integrand: none, that of the mass, that of air damping.
+   integer, parameter, public :: alone = 1, with_mass = 2, with_air = 3
    !> Numbers of elements of the coarsest and the finest mesh of an automatic refinement.
    integer, parameter, public :: coarsest = 8, finest = 128
 
@@ -52,8 +54,8 @@ module beamid_galerkin
       !> (bending points, 2) known factors of stiffness and viscosity there
       real(wp), allocatable :: known(:, :)
       type(points_t), private :: points   !< quadrature points of the other integrals
-      !> (points) their weights times the known factor of the mass [length]
-      real(wp), allocatable, private :: massive(:)
+      !> (points, factors) their weights, without a factor and times those of mass and air damping
+      real(wp), allocatable, private :: weights(:, :)
       !> (degree + 1, bending points) sqrt(weight) b'' of the functions on the point's element
       real(wp), allocatable, private :: curvature(:, :)
    contains
@@ -134,18 +136,18 @@ contains
       if (self%varies) self%air = self%inertia
       if (self%varies) self%viscous = self%inertia
       call tabulate_curvature(self)
-      allocate (self%massive(size(self%points%xi)))
+      allocate (self%weights(size(self%points%xi), 3))
       associate (v => self%variations, e => self%points%element, first => self%points%first, &
          s => self%points%s, xi => self%points%xi, weight => self%points%weight)
          do q = 1, size(xi)
             m = self%points%last(q) - first(q) + 1
             b = self%space%on_element(e(q), s(q), 0)
             d2b = self%space%on_element(e(q), s(q), 2)
-            self%massive(q) = weight(q)*v%mass(xi(q))
-            call self%inertia%add_block(first(q), self%massive(q), b(:m))
+            self%weights(q, :) = weight(q)*[1.0_wp, v%mass(xi(q)), v%air(xi(q))]
+            call self%inertia%add_block(first(q), self%weights(q, with_mass), b(:m))
             call self%bending%add_block(first(q), weight(q)*v%bending(xi(q)), d2b(:m))
             if (.not. self%varies) cycle
-            call self%air%add_block(first(q), weight(q)*v%air(xi(q)), b(:m))
+            call self%air%add_block(first(q), self%weights(q, with_air), b(:m))
             call self%viscous%add_block(first(q), weight(q)*v%viscous(xi(q)), d2b(:m))
          end do
       end associate
@@ -188,18 +190,18 @@ contains
    !> Returns <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
    !>
    !> power   exponent, >= 0; for a load >= 2, so that theta and its slope vanish at the root
-   !> mass    whether the known factor of the mass multiplies theta; default .false.
+   !> factor  known factor that multiplies theta: `alone` for none, `with_mass` or `with_air`
    !> values  (n) [length]
-   pure function moments(self, power, mass) result(values)
+   pure function moments(self, power, factor) result(values)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: power
-      logical, intent(in), optional :: mass
+      integer, intent(in) :: factor
       real(wp) :: values(self%space%n)
       real(wp) :: b(self%mesh%degree + 1), load(size(self%points%xi))
       integer :: q
 
       values = 0
-      load = weights_of(self, mass)*self%points%xi**power
+      load = self%weights(:, factor)*self%points%xi**power
       do q = 1, size(load)
          associate (first => self%points%first(q), last => self%points%last(q))
             b = self%space%on_element(self%points%element(q), self%points%s(q), 0)
@@ -212,25 +214,15 @@ contains
    !> mesh even if this is not exact: the integrals of the rigid rotation w = x/l then agree with
    !> those of `inertia` and `moments`.
    !>
-   !> power  exponent, >= 0
-   !> mass   whether the known factor of the mass multiplies the integrand; default .false.
-   pure real(wp) function integral(self, power, mass)
+   !> power   exponent, >= 0
+   !> factor  as in `moments`
+   pure real(wp) function integral(self, power, factor)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: power
-      logical, intent(in), optional :: mass
+      integer, intent(in) :: factor
 
-      integral = sum(weights_of(self, mass)*self%points%xi**power)
+      integral = sum(self%weights(:, factor)*self%points%xi**power)
    end function integral
-
-   !> Returns the quadrature weights, with the known factor of the mass if `mass` is true.
-   pure function weights_of(self, mass) result(weights)
-      class(galerkin_t), intent(in) :: self
-      logical, intent(in), optional :: mass
-      real(wp) :: weights(size(self%points%xi))
-
-      weights = self%points%weight
-      if (present(mass)) weights = merge(self%massive, weights, mass)
-   end function weights_of
 
    !> Computes Gauss points between the root and a position. They integrate (l - x) b_i' b_j'
    !> exactly, whatever rule the mesh has for the other integrals.

@@ -8,7 +8,7 @@ module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, slope_band
+   use beamid_galerkin, only: alone, galerkin_t, mesh_t, slope_band, with_air, with_mass
    use beamid_kinds, only: wp
    use beamid_static_shapes, only: find_static_shape
    use beamid_structure, only: structure_t
@@ -96,7 +96,7 @@ contains
       self%structure = structure
       n = galerkin%space%n + count(structure%has_hose())
       self%n = n
-      if (excitation%distributed) self%shape = galerkin%moments(excitation%power)
+      if (excitation%distributed) self%shape = galerkin%moments(excitation%power, alone)
       if (present(matrices)) then
          if (.not. matrices) return
       end if
@@ -340,8 +340,8 @@ contains
 
       loads = 0
       associate (s => self%strength(:, :of_stiffness))
-         loads(self%spline, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, mass=.true.)
-         loads(self%spline, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp)
+         loads(self%spline, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, with_mass)
+         loads(self%spline, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp, with_air)
          do k = bending + 1, size(s, 1)
             if (operators(k)%moves_with_base) loads = loads - spread(self%point(:, k), 2, 3) &
                *spread(s(k, :), 1, size(loads, 1))

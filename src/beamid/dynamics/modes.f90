@@ -6,7 +6,7 @@ module beamid_modes
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, slope_band
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, slope_band, with_air, with_mass
    use beamid_internal_forces, only: strain_energy
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
@@ -32,7 +32,7 @@ module beamid_modes
       real(wp), allocatable :: mu(:)           !< (n) eigenvalues, ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) values phi(l)
-      !> (n, 2) integrals of phi over the beam, with the known factor of the mass and without
+      !> (n, 2) integrals of phi over the beam, with the known factors of mass and air damping
       real(wp), allocatable :: total(:, :)
       !> (2, r) the first r modes are the motions rigid(1, :) + rigid(2, :) x/l of the beam as a
       !> rigid body [length**(-1/2)]
@@ -129,10 +129,8 @@ contains
          call shapes_of(galerkin%bending, galerkin%inertia, 12/length**4, modes%shapes, error)
          if (allocated(error)) return
          allocate (modes%total(size(modes%shapes, 2), 2))
-         modes%total(:, 2) = matmul(galerkin%moments(0.0_wp), modes%shapes)
-         modes%total(:, 1) = modes%total(:, 2)
-         if (galerkin%varies) modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), &
-            modes%shapes)
+         modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, with_mass), modes%shapes)
+         modes%total(:, 2) = matmul(galerkin%moments(0.0_wp, with_air), modes%shapes)
          call set_rigid_motions(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
          modes%mu(:size(modes%rigid, 2)) = 0
@@ -194,17 +192,17 @@ contains
 
       modes%rigid = rigid_motions(galerkin%space%essential)
       if (size(modes%rigid) == 0) return
-      I = [(galerkin%integral(real(k, wp), mass=.true.), k=0, 2)]
+      I = [(galerkin%integral(real(k, wp), with_mass), k=0, 2)]
       if (size(modes%rigid, 2) == 2) modes%rigid(:, 2) = [-I(1)/I(0), 1.0_wp]
       factor = galerkin%inertia
       call factor%factor(positive)
-      moments(:, 1) = galerkin%moments(0.0_wp, mass=.true.)
-      moments(:, 2) = galerkin%moments(1.0_wp, mass=.true.)
+      moments(:, 1) = galerkin%moments(0.0_wp, with_mass)
+      moments(:, 2) = galerkin%moments(1.0_wp, with_mass)
       do j = 1, size(modes%rigid, 2)
          associate (a => modes%rigid(1, j), b => modes%rigid(2, j))
             modes%rigid(:, j) = modes%rigid(:, j)/sqrt(a**2*I(0) + 2*a*b*I(1) + b**2*I(2))
-            modes%total(j, :) = [a*I(0) + b*I(1), a*galerkin%integral(0.0_wp) &
-               + b*galerkin%integral(1.0_wp)]
+            modes%total(j, :) = [a*I(0) + b*I(1), a*galerkin%integral(0.0_wp, &
+               with_air) + b*galerkin%integral(1.0_wp, with_air)]
          end associate
          motion = matmul(moments, modes%rigid(:, j))
          modes%shapes(:, j) = motion

@@ -201,8 +201,9 @@ contains
       if (allocated(error)) then
          if (.not. allocated(posterior%draws%reduction)) return
          k = maxloc(posterior%draws%reduction, dim=1)
-         error%message = error%message//'; expected a narrower bound in its stage, or &prior, '// &
-            'for '//trim(found%quantities(k)%searched_name())//', whose chains differ most'
+         error%message = error%message//'; expected a narrower bound or &prior for '// &
+            trim(found%quantities(k)%searched_name())//', whose chains differ most, or the '// &
+            'command profile instead'
          return
       end if
       do k = 1, size(variables)

@@ -111,16 +111,17 @@ contains
       end associate
    end function acting
 
-   !> Adds the distance to the exact root to the half widths.
+   !> Adds the distance to a root on a finer mesh to the half widths, and a tenth of it for the
+   !> error of the finer mesh.
    subroutine add_error(self, exact)
       class(fitted_mode_t), intent(inout) :: self
       complex(wp), intent(in) :: exact
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp), more = 1.1_wp
 
       if (self%frequency_half_width < unlimited) self%frequency_half_width = &
-         self%frequency_half_width + abs(abs(exact)/two_pi - self%frequency)
+         self%frequency_half_width + more*abs(abs(exact)/two_pi - self%frequency)
       if (self%damping_half_width < unlimited .and. abs(exact) > 0) self%damping_half_width = &
-         self%damping_half_width + abs(-real(exact)/abs(exact) - self%damping_ratio)
+         self%damping_half_width + more*abs(real(exact)/abs(exact) + self%damping_ratio)
    end subroutine add_error
 
    !> Returns a mode with its intervals.

@@ -30,7 +30,7 @@ module beamid_priors
       procedure :: is_about
       procedure :: refer_to
       procedure :: centre_in
-      procedure :: width
+      procedure :: width => width_near
    end type prior_t
 
 contains
@@ -94,12 +94,12 @@ contains
    !> 1/k.
    !>
    !> centre  mean of the searched variable
-   pure real(wp) function width(self, centre)
+   pure real(wp) function width_near(self, centre) result(width)
       class(prior_t), intent(in) :: self
       real(wp), intent(in) :: centre
 
       width = self%sd*abs(self%slope(1))
       if (parameters(self%parameter(1))%is_reciprocal) width = width*centre**2
-   end function width
+   end function width_near
 
 end module beamid_priors

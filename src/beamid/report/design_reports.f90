@@ -56,6 +56,7 @@ contains
          designs%interest), ', ')//', which '//to_text(number)//' of the experiments determine')
       if (designs%box%modes > 0) call text%line('the initial amplitudes and phases of the '// &
          'lowest '//to_text(designs%box%modes)//' modes are treated as unknown')
+      call add_fixed()
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &
@@ -69,6 +70,26 @@ contains
       call add_edges(text, case, designs, shown)
       if (designs%box%target > 0) call add_target(text, case, designs)
       summary = text%content()
+
+   contains
+
+      !> Adds a line that names the fixed parameters with a prior, because designs ignore their
+      !> errors.
+      subroutine add_fixed()
+         character(len=:), allocatable :: fixed
+
+         if (.not. allocated(case%model%priors)) return
+         fixed = ''
+         do k = 1, size(case%model%priors)
+            associate (prior => case%model%priors(k))
+               if (.not. any(prior%parameter(1) == designs%quantities%parameter)) &
+                  fixed = fixed//', '//trim(prior%name)
+            end associate
+         end do
+         if (fixed /= '') call text%line('these predictions do not include the errors of the '// &
+            'fixed parameters '//fixed(3:))
+      end subroutine add_fixed
+
    end function design_summary
 
    !> Returns the name of an experiment in the summary, in the first column of the tables.

@@ -6,11 +6,12 @@ module beamid_fit_reports
    use beamid_case_fits, only: case_fit_t
    use beamid_errors, only: error_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
+   use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary
    use beamid_outputs, only: output_t
-   use beamid_response_reports, only: add_fitted_responses, add_measured_modes
    use beamid_refinement, only: of_higher_degree
+   use beamid_response_reports, only: add_fitted_responses, add_measured_modes
    use beamid_score_reports, only: add_score_lines, add_score_table
    use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary
@@ -92,12 +93,14 @@ contains
       type(output_t), intent(inout), optional :: output
       !> Number of modes.
       integer, parameter :: most = 5
+      type(mesh_t) :: finer
       integer :: k
 
       call table%line(fitted_modes_header)
       do k = 1, size(case%meshes)
-         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error, &
-            of_higher_degree(case%meshes(k)))
+         finer = of_higher_degree(case%meshes(k))
+         finer%elements = 2*finer%elements
+         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error, finer)
          if (allocated(error)) return
          call add_fitted_modes(table, case%meshes(k)%elements, modes)
       end do

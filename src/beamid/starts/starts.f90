@@ -17,7 +17,7 @@ module beamid_starts
    use beamid_spectra, only: strongest_peak
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, &
       list_rivals, new_choice, rival_t, try_equal_frequencies
-   use beamid_strings, only: to_text
+   use beamid_strings, only: rounded, to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
    implicit none
@@ -369,8 +369,9 @@ contains
          if (share > 0.05_wp .and. strongest*too_far > low) cycle
          if (.not. strongest > 0) then
             call bad_input(error, 'record '//to_text(r)//': found no spectral line above the '// &
-               'noise, expected vibrations of the beam; check whether value_column names the '// &
-               'right column')
+               'noise up to '//rounded(5*high, 3)//', five times the highest natural frequency '// &
+               'of the model; expected vibrations of the beam: check whether value_column '// &
+               'names the right column, and the units of the case')
             return
          end if
          call bad_input(error, 'record '//to_text(r)//': found almost no '// &
