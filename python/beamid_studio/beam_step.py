@@ -23,6 +23,10 @@ MATERIALS = {
 VISCOSITY, AIR = 3e-5, "0.05"
 ENDS = {"root": {"clamped": "clamped", "pinned": "pinned", "guided": "guided", "free": "free"},
         "tip": {"free": "free", "clamped": "clamped", "pinned": "pinned", "guided": "guided"}}
+#: What the record is shown as, by its kind.
+HEADINGS = {"time": "Spectrum of the window; dashed: these modes",
+            "frf": "Measured frequency response; dashed: these modes",
+            "modes": "Measured modes beside these"}
 #: Groups with fields of their own; others are kept as they are.
 WITH_FIELDS = {"units", "beam", "end", "tip", "mass", "sensor", "support", "excitation", "record",
                "stage", "prior"}
@@ -80,12 +84,11 @@ class BeamStep:
                 self.modes = ui.html("", sanitize=False).classes("w-full")
                 self.lacking = ui.label("The modes appear when length, section, density and E are "
                                         "known.").classes("lead")
-                self.heading = ui.label("Spectrum of the window; dashed: these modes").classes(
-                    "title")
+                self.heading = ui.label("").classes("title")
                 self.spectrum = studio.chart()
         self.pictures: tuple[Any, ...] = ()
         studio.redraws["beam"] = self.draw
-        self.session.listeners.append(self.loaded)
+        studio.listeners.append(self.loaded)
         self.loaded()
 
     def take_material(self) -> None:
@@ -128,8 +131,7 @@ class BeamStep:
 
     def detach(self, keys: dict[str, list[str]]) -> None:
         """Remove a mass or a support."""
-        self.session.case.groups = [group for group in self.session.case.groups
-                                    if group[1] is not keys]
+        self.session.case.drop(keys)
         self.show_attached()
         self.studio.changed()
 
@@ -153,6 +155,9 @@ class BeamStep:
         """Show the beam of another case."""
         case = self.session.case
         self.muted = True
+        values = case.get("beam", "density"), case.get("beam", "e")
+        self.material.value = next((name for name, known in MATERIALS.items() if known == values),
+                                   None)
         kinds = drawing.ends_of(case)
         for at, select in self.ends.items():
             kind = kinds[at]
@@ -178,8 +183,11 @@ class BeamStep:
             self.drawing.set_content(pictures[0])
             self.modes.set_content(pictures[1])
             self.lacking.set_visibility(not pictures[1])
-        self.studio.draw_spectrum(self.spectrum)
-        self.heading.set_visibility(self.studio.spectrum is not None)
+        kind = self.session.record.kind
+        shown = (self.studio.draw_frequencies(self.spectrum)
+                 or self.studio.draw_spectrum(self.spectrum))
+        self.heading.text = HEADINGS[kind]
+        self.heading.set_visibility(shown)
 
 
 class GroupField(NumberField):
