@@ -36,7 +36,7 @@ class BeamStep:
     """The panel of the beam."""
 
     def __init__(self, studio: Any, onwards: Callable[[], None]) -> None:
-        self.studio, self.session = studio, studio.session
+        self.studio, self.session, self.onwards = studio, studio.session, onwards
         self.muted = False
         number = studio.number
         with ui.element("div").classes("step"):
@@ -45,7 +45,7 @@ class BeamStep:
                            "the direction of the vibration."), pair():
                     number("beam", "length", "Length", LENGTHS)
                     number("beam", "width", "Width", LENGTHS)
-                    number("beam", "height", "Height", LENGTHS)
+                    number("beam", "height", "Height (thickness)", LENGTHS)
                 with panel("Material"):
                     self.material = ui.select(list(MATERIALS), label="Typical values of",
                                               on_change=self.take_material, clearable=True).props(
@@ -76,8 +76,11 @@ class BeamStep:
                         ui.button("Add a support", on_click=lambda: self.add("support")).props(
                             "outline dense no-caps padding='xs md'")
                     self.kept = ui.label("").classes("lead")
-                ui.button("Next: the fit", on_click=onwards).props(
-                    "unelevated dense no-caps padding='xs md' data-go=fit").classes("self-start")
+                with ui.row().classes("gap-2"):
+                    ui.button("Next: the fit", on_click=onwards).props(
+                        "unelevated dense no-caps padding='xs md' data-go=fit")
+                    ui.button("Run the fit", on_click=self.run).props(
+                        "outline dense no-caps padding='xs md' data-go=run-now")
             with ui.element("div").classes("views"):
                 self.drawing = ui.html("", sanitize=False).classes("w-full")
                 ui.label("Lowest modes").classes("title")
@@ -90,6 +93,11 @@ class BeamStep:
         studio.redraws["beam"] = self.draw
         studio.listeners.append(self.loaded)
         self.loaded()
+
+    async def run(self) -> None:
+        """Fit at once, with what the case estimates already."""
+        self.onwards()
+        await self.studio.start()
 
     def take_material(self) -> None:
         """Take the typical values of a material."""

@@ -105,7 +105,7 @@ class FitStep:
                 self.spinner = ui.spinner(size="1.4rem")
             self.progress = ui.label("").classes("lead").props("data-field=progress")
             self.studio.tell_at("stage", "all")
-        self.studio.show_progress = self.show_progress
+        self.studio.show_progress, self.studio.start = self.show_progress, self.start
         self.show_progress()
 
     # -- events

@@ -108,8 +108,11 @@ class RecordStep:
                 self.file_panel()
                 self.columns_panel()
                 self.window_panel()
-                self.next = ui.button("Next: the beam", on_click=onwards).props(
-                    "unelevated dense no-caps padding='xs md' data-go=beam").classes("self-start")
+                with ui.row().classes("gap-2"):
+                    self.whole = ui.button("Whole record", on_click=lambda: self.set_window(
+                        None, None)).props("outline dense no-caps padding='xs md'")
+                    self.next = ui.button("Next: the beam", on_click=onwards).props(
+                        "unelevated dense no-caps padding='xs md' data-go=beam")
             with ui.element("div").classes("views"):
                 self.views_panel()
         studio.listeners.append(self.loaded)
@@ -122,19 +125,19 @@ class RecordStep:
     def file_panel(self) -> None:
         """Build the place to drop a file, and the facts about it."""
         with panel("Recorder's file"):
-            self.drop = drop_zone(self.session, "file", open_record)
+            with ui.element("div").classes("drops"):
+                self.drop = drop_zone(self.session, "file", open_record)
+                self.more_drop = drop_zone(self.session, "further", add_record).props(
+                    'label="Add a record"')
             self.list = ui.element("div").classes("records")
             self.facts = ui.element("div").classes("facts")
             self.tells = self.studio.tell_at("record", "file")
-            self.more_drop = drop_zone(self.session, "further", add_record)
-            self.more_drop.props('label="Add a record: drop its file here"')
 
     def show_list(self) -> None:
         """Show a button for each of several records, and what dropping a file does."""
         records, chosen = self.session.records, self.session.case.chosen
         there = bool(self.session.folder and records[0].get("file"))
-        first = "Drop a file here, or choose one"
-        self.drop.props(f'label="{"Begin anew: drop another file" if there else first}"')
+        self.drop.props(f'label="{"Begin anew" if there else "Drop a file here, or choose one"}"')
         self.more_drop.set_visibility(there)
         self.list.clear()
         if len(records) < 2:
@@ -200,8 +203,6 @@ class RecordStep:
                     field.changed = lambda: self.studio.changed(window=True)
                 self.ends[kind] = (box, fields)
             self.proposal = ui.element("div").classes("w-full")
-            ui.button("Whole record", on_click=lambda: self.set_window(None, None)).props(
-                "outline dense no-caps padding='xs md'").classes("self-start")
 
     def views_panel(self) -> None:
         """Build the figures."""
@@ -354,6 +355,7 @@ class RecordStep:
         choice = bool(recording and (kind == "time" or len(recording.channels) > 1))
         self.columns.set_visibility(there and (kind != "modes" or choice or several))
         self.window.set_visibility(there and kind != "modes")
+        self.whole.set_visibility(there and kind != "modes")
         self.next.set_visibility(there)
         self.view = None
         if recording:

@@ -24,8 +24,11 @@ LINGER = 6.0
 #: Seconds after which it ends when the websocket of its last tab has fallen silent without being
 #: closed: the computer, or the tab, is asleep.
 SLEEP = 8 * 3600.0
-#: Seconds that a page waits for its websocket; a busy machine may take some.
+#: Seconds for which a page without a websocket is kept.
 RECONNECT = 10.0
+#: Seconds between two signs of life of a websocket, and those that an answer may take: on a busy
+#: machine NiceGUI's 2 s were too few, and what the user did was lost with the websocket.
+PING = (10.0, 15.0)
 #: Largest body of a request that is no upload.
 SMALL = 1_000_000
 HEADERS = [
@@ -256,6 +259,11 @@ def serve(settings: Settings) -> int:
         print(f"beamid studio: http://{HOST}:{port}/?token={token}\n"
               f"It writes below {settings.folder}. Ctrl-C ends it.", flush=True)
 
+    def be_patient() -> None:
+        """Set the signs of life, for which NiceGUI has values of its own."""
+        core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING
+
+    app.on_startup(be_patient)
     app.on_startup(lambda: background_tasks.create(tell(), name="tell"))
     # Ctrl-C is the usual end, after the server has closed everything.
     with contextlib.suppress(KeyboardInterrupt):

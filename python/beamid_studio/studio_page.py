@@ -53,6 +53,7 @@ class Studio:
         self.turn = asyncio.Lock()         #: one check at a time
         self.results: Any = None
         self.show_progress: Callable[[], Any] = lambda: None    #: of the fit; its step sets this
+        self.start: Callable[..., Any] = lambda: None           #: the fit; its step sets this
 
     def is_closed(self) -> bool:
         """Return whether the page has been closed, perhaps during a computation."""
