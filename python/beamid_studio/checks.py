@@ -26,7 +26,8 @@ CONCERNS: tuple[tuple[str, Field], ...] = (
     ("Nyquist", ("record", "times")), ("in the name of the column", ("record", "scale")),
     ("the motion begins", ("record", "t_first")), ("t_first", ("record", "t_first")),
     ("t_last", ("record", "t_last")), ("scale", ("record", "scale")),
-    ("clip", ("record", "value")), ("no parameter counts as determined", ("stage", "free")))
+    ("in the window", ("record", "t_first")), ("clip", ("record", "value")),
+    ("no parameter counts as determined", ("stage", "free")))
 ADVICE = re.compile(r"add '(\w+)' to free")
 NAMED = re.compile(r"&(\w+) (\w+):")
 #: Group of each parameter that a sentence of the verdict may begin with.
@@ -69,6 +70,7 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
     """
     text = " ".join(text.split())
     text = re.sub(r"^(?:beamid: )?(?:\S*\.nml|beamid)(?::\d+)?: ", "", text)
+    text = re.sub(r"^&\w+: (?:\S*\.csv: )?", "", text)
     advice = ADVICE.search(text)
     named = NAMED.search(text)
     first = re.match(r"(\w+) is ", text)

@@ -66,6 +66,7 @@ a { color: var(--link); }
 .records .bar { gap: .2rem; } .records .q-btn { justify-content: start; }
 .drops { display: grid; grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); gap: .6rem;
   width: 100%; }
+.drops .drop .q-uploader__title { font-size: .88rem; white-space: nowrap; }
 .drop { width: 100%; border: 1.5px dashed var(--line); border-radius: .6rem; box-shadow: none;
   background: var(--panel); color: var(--text); max-height: none; }
 .drop .q-uploader__header { background: none; color: var(--text); }

@@ -613,6 +613,7 @@ def test_several_records(tab, server, example, tmp_path):
     describe(tab)
     tab.click("[data-step=record]")
     tab.fill("[data-field=record-t_last]", "3")
+    tab.wait_for_timeout(600)    # a field waits for the end of typing
     # The second file counts in ms and in g, and has another window.
     upload(tab, write(tmp_path / "second.csv", 1000 * t, a / 9.80665), "further")
     tab.get_by_text("second.csv").first.wait_for(timeout=WAIT)
@@ -620,6 +621,7 @@ def test_several_records(tab, server, example, tmp_path):
     pick(tab, "unit", "g")
     assert tab.input_value("[data-field=record-t_last]") == ""
     tab.fill("[data-field=record-t_first]", "1.5")
+    tab.wait_for_timeout(600)
     upload(tab, write(tmp_path / "third.csv", t, a), "further")
     tab.wait_for_selector("[data-record='3']", timeout=WAIT)
     # An unusable window of one record is named beside the others.
