@@ -1,5 +1,5 @@
 """Reads tables of frequency response functions (FRFs) from text: a column of frequencies, and real
-and imaginary parts or magnitudes and phases, perhaps with coherences."""
+and imaginary parts or magnitudes and phases, perhaps with coherences or standard deviations."""
 
 import math
 import re
@@ -12,7 +12,8 @@ FREQUENCIES = {"f", "freq", "frequency", "frequencies", "frequenz"}
 #: Words in the name of a column, by the part of an FRF that the column contains.
 PARTS = {"real": ("real", "re"), "imag": ("imag", "imaginary", "im"),
          "magnitude": ("magnitude", "mag", "amplitude", "ampl", "amp", "modulus", "abs"),
-         "phase": ("phase", "angle", "arg"), "coherence": ("coherence", "coh")}
+         "phase": ("phase", "angle", "arg"), "coherence": ("coherence", "coh"),
+         "sd": ("sd",)}
 DEGREES, RADIANS = {"deg", "degree", "degrees", "\u00b0"}, {"rad", "radian", "radians"}
 UNIT = re.compile(r"(?P<name>.+)_(?P<unit>hz|khz|deg|rad|db)", re.I)
 LONGEST_TURN = 2.02 * math.pi    # [rad]; phases that vary by more are in degrees
@@ -53,9 +54,9 @@ def responses_of(table):
     if not complete:
         return []
     frequencies = column(table, place) * HERTZ[pairs[place][1].lower()]
-    alone = found.get("", {}).get("coherence") if len(complete) == 1 else None
-    return [response_of(table, pairs, frequencies, rest,
-                        {"coherence": alone, **columns} if alone is not None else columns)
+    alone = {part: k for part, k in found.get("", {}).items()
+             if part in ("coherence", "sd")} if len(complete) == 1 else {}
+    return [response_of(table, pairs, frequencies, rest, {**alone, **columns})
             for rest, columns in complete.items()]
 
 
@@ -74,10 +75,12 @@ def response_of(table, pairs, frequencies, name, columns):
             magnitude = 10 ** (magnitude / 20)
             notes.append("magnitudes converted from dB")
         values = magnitude * np.exp(1j * radians(table, pairs, columns["phase"]))
-    coherence = column(table, columns["coherence"]) if "coherence" in columns else None
+    coherence, sd = (column(table, columns[part]) if part in columns else None
+                     for part in ("coherence", "sd"))
     quantity = next((word for word in ("accelerance", "mobility", "receptance")
                      if word in name), quantity_of_unit(unit))
-    return Response(f"FRF {name}".strip(), frequencies, values, unit, quantity, coherence, notes)
+    return Response(f"FRF {name}".strip(), frequencies, values, unit, quantity, coherence, notes,
+                    sd=sd)
 
 
 def radians(table, pairs, place):

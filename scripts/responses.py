@@ -36,6 +36,7 @@ class Response:
     coherence: object = None
     notes: list = field(default_factory=list)
     keys: dict = field(default_factory=dict)    # further keys of &record, as text
+    sd: object = None           # standard deviation of the real and of the imaginary part
 
 
 def measured_by(unit):
@@ -89,9 +90,10 @@ def table(path, texts, response):
              *response.notes, *texts]
     header, columns = ["frequency_hz", "real", "imag"], [
         response.frequencies, response.values.real, response.values.imag]
-    if response.coherence is not None:
-        header.append("coherence")
-        columns.append(response.coherence)
+    for name in ("coherence", "sd"):
+        if getattr(response, name) is not None:
+            header.append(name)
+            columns.append(getattr(response, name))
     rows = zip(*(map(repr, column.tolist()) for column in columns))
     return "".join([*(f"# {text_of(line)}\n" for line in lines), ",".join(header), "\n",
                     *(",".join(row) + "\n" for row in rows)])

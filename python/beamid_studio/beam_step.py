@@ -23,6 +23,10 @@ MATERIALS = {
 VISCOSITY, AIR = 3e-5, "0.05"
 ENDS = {"root": {"clamped": "clamped", "pinned": "pinned", "guided": "guided", "free": "free"},
         "tip": {"free": "free", "clamped": "clamped", "pinned": "pinned", "guided": "guided"}}
+#: What the record is shown as, by its kind.
+HEADINGS = {"time": "Spectrum of the window; dashed: these modes",
+            "frf": "Measured frequency response; dashed: these modes",
+            "modes": "Measured modes beside these"}
 #: Groups with fields of their own; others are kept as they are.
 WITH_FIELDS = {"units", "beam", "end", "tip", "mass", "sensor", "support", "excitation", "record",
                "stage", "prior"}
@@ -32,7 +36,7 @@ class BeamStep:
     """The panel of the beam."""
 
     def __init__(self, studio: Any, onwards: Callable[[], None]) -> None:
-        self.studio, self.session = studio, studio.session
+        self.studio, self.session, self.onwards = studio, studio.session, onwards
         self.muted = False
         number = studio.number
         with ui.element("div").classes("step"):
@@ -41,7 +45,7 @@ class BeamStep:
                            "the direction of the vibration."), pair():
                     number("beam", "length", "Length", LENGTHS)
                     number("beam", "width", "Width", LENGTHS)
-                    number("beam", "height", "Height", LENGTHS)
+                    number("beam", "height", "Height (thickness)", LENGTHS)
                 with panel("Material"):
                     self.material = ui.select(list(MATERIALS), label="Typical values of",
                                               on_change=self.take_material, clearable=True).props(
@@ -72,21 +76,28 @@ class BeamStep:
                         ui.button("Add a support", on_click=lambda: self.add("support")).props(
                             "outline dense no-caps padding='xs md'")
                     self.kept = ui.label("").classes("lead")
-                ui.button("Next: the fit", on_click=onwards).props(
-                    "unelevated dense no-caps padding='xs md' data-go=fit").classes("self-start")
+                with ui.row().classes("gap-2"):
+                    ui.button("Next: the fit", on_click=onwards).props(
+                        "unelevated dense no-caps padding='xs md' data-go=fit")
+                    ui.button("Run the fit", on_click=self.run).props(
+                        "outline dense no-caps padding='xs md' data-go=run-now")
             with ui.element("div").classes("views"):
                 self.drawing = ui.html("", sanitize=False).classes("w-full")
                 ui.label("Lowest modes").classes("title")
                 self.modes = ui.html("", sanitize=False).classes("w-full")
                 self.lacking = ui.label("The modes appear when length, section, density and E are "
                                         "known.").classes("lead")
-                self.heading = ui.label("Spectrum of the window; dashed: these modes").classes(
-                    "title")
+                self.heading = ui.label("").classes("title")
                 self.spectrum = studio.chart()
         self.pictures: tuple[Any, ...] = ()
         studio.redraws["beam"] = self.draw
-        self.session.listeners.append(self.loaded)
+        studio.listeners.append(self.loaded)
         self.loaded()
+
+    async def run(self) -> None:
+        """Fit at once, with what the case estimates already."""
+        self.onwards()
+        await self.studio.start()
 
     def take_material(self) -> None:
         """Take the typical values of a material."""
@@ -128,8 +139,7 @@ class BeamStep:
 
     def detach(self, keys: dict[str, list[str]]) -> None:
         """Remove a mass or a support."""
-        self.session.case.groups = [group for group in self.session.case.groups
-                                    if group[1] is not keys]
+        self.session.case.drop(keys)
         self.show_attached()
         self.studio.changed()
 
@@ -153,6 +163,9 @@ class BeamStep:
         """Show the beam of another case."""
         case = self.session.case
         self.muted = True
+        values = case.get("beam", "density"), case.get("beam", "e")
+        self.material.value = next((name for name, known in MATERIALS.items() if known == values),
+                                   None)
         kinds = drawing.ends_of(case)
         for at, select in self.ends.items():
             kind = kinds[at]
@@ -178,8 +191,11 @@ class BeamStep:
             self.drawing.set_content(pictures[0])
             self.modes.set_content(pictures[1])
             self.lacking.set_visibility(not pictures[1])
-        self.studio.draw_spectrum(self.spectrum)
-        self.heading.set_visibility(self.studio.spectrum is not None)
+        kind = self.session.record.kind
+        shown = (self.studio.draw_frequencies(self.spectrum)
+                 or self.studio.draw_spectrum(self.spectrum))
+        self.heading.text = HEADINGS[kind]
+        self.heading.set_visibility(shown)
 
 
 class GroupField(NumberField):

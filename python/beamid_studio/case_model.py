@@ -47,17 +47,34 @@ class Case:
     def __init__(self, text: str = "") -> None:
         self.groups: list[tuple[str, dict[str, list[str]]]] = [
             (name, keys) for name, keys, _ in cases.read_groups(text)]
+        self.chosen = 0    #: place of the record that is edited, and of its excitation
+
+    def copy(self) -> Case:
+        """Return a case that does not follow further changes."""
+        copy = Case(self.text())
+        copy.chosen = self.chosen
+        return copy
 
     def all(self, name: str) -> list[dict[str, list[str]]]:
         """Return the keys of every group of a name."""
         return [keys for group, keys in self.groups if group == name]
 
-    def first(self, name: str) -> dict[str, list[str]]:
-        """Return the keys of the first group of a name; a new one if there is none."""
+    def edited(self, name: str) -> dict[str, list[str]] | None:
+        """Return the keys of the group of a name that is edited; None without such a group.
+
+        It is the first group, but that of the chosen record if each record has one.
+        """
         found = self.all(name)
-        if found:
-            return found[0]
-        return self.add(name)
+        if not found:
+            return None
+        of_records = name == "record" or (name == "excitation"
+                                          and len(found) == len(self.all("record")))
+        return found[self.chosen if of_records else 0]
+
+    def first(self, name: str) -> dict[str, list[str]]:
+        """Return the keys of the group of a name that is edited; a new one if there is none."""
+        found = self.edited(name)
+        return self.add(name) if found is None else found
 
     def add(self, name: str) -> dict[str, list[str]]:
         """Add a group, and return its keys."""
@@ -70,20 +87,37 @@ class Case:
         self.groups = [group for group in self.groups if group[0] != name]
 
     def get(self, name: str, key: str) -> str:
-        """Return the first value of a key of the first group of a name; '' without one."""
-        for keys in self.all(name):
-            return cases.unquoted(keys.get(key.lower(), []))
-        return ""
+        """Return the first value of a key of the group that is edited; '' without one."""
+        return cases.unquoted((self.edited(name) or {}).get(key.lower(), []))
 
     def set(self, name: str, key: str, value: str | None) -> None:
         """Set a key to a value as it stands in a file; None or '' removes the key."""
         if value:
             self.first(name)[key.lower()] = [value]
             return
-        for keys in self.all(name)[:1]:
+        keys = self.edited(name)
+        if keys is not None:
             keys.pop(key.lower(), None)
             if not keys:
-                self.groups = [group for group in self.groups if group[1] is not keys]
+                self.drop(keys)
+
+    def drop(self, keys: dict[str, list[str]]) -> None:
+        """Remove one group."""
+        self.groups = [group for group in self.groups if group[1] is not keys]
+
+    def remove_record(self, place: int) -> None:
+        """Remove a record, its excitation if each record has one, and its priors."""
+        records, excitations = self.all("record"), self.all("excitation")
+        if len(excitations) == len(records) > 1:
+            self.drop(excitations[place])
+        self.drop(records[place])
+        for keys in self.all("prior"):
+            number = cases.unquoted(keys.get("record", []))
+            if number == str(place + 1):
+                self.drop(keys)
+            elif number.isdigit() and int(number) > place:
+                keys["record"] = [str(int(number) - 1)]
+        self.chosen = max(min(self.chosen, len(records) - 2), 0)
 
     @property
     def free(self) -> list[str]:
@@ -114,7 +148,8 @@ class Case:
         """State the standard deviation of a parameter; None or '' withdraws it."""
         keys = self.prior(parameter)
         if not sd:
-            self.groups = [group for group in self.groups if group[1] is not keys]
+            if keys is not None:
+                self.drop(keys)
             return
         if keys is None:
             keys = self.add("prior")

@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import beamid
+import cases
 import numpy as np
 import signals
 
 from beamid_studio.case_model import STRUCTURE, Case
+from beamid_studio.records import Record
 
 #: A field of the page: group and key of the case file.
 Field = tuple[str, str]
@@ -24,7 +26,8 @@ CONCERNS: tuple[tuple[str, Field], ...] = (
     ("Nyquist", ("record", "times")), ("in the name of the column", ("record", "scale")),
     ("the motion begins", ("record", "t_first")), ("t_first", ("record", "t_first")),
     ("t_last", ("record", "t_last")), ("scale", ("record", "scale")),
-    ("clip", ("record", "value")), ("no parameter counts as determined", ("stage", "free")))
+    ("in the window", ("record", "t_first")), ("clip", ("record", "value")),
+    ("no parameter counts as determined", ("stage", "free")))
 ADVICE = re.compile(r"add '(\w+)' to free")
 NAMED = re.compile(r"&(\w+) (\w+):")
 #: Group of each parameter that a sentence of the verdict may begin with.
@@ -41,6 +44,7 @@ class Remark:
     field: Field = ("", "")
     kind: str = "warning"    #: or "error", which stands in the way of a fit, or "note"
     advice: str = ""         #: name of the parameter that the program proposes to estimate
+    record: int | None = None    #: place of the record that it concerns, if it is about one
 
 
 @dataclass
@@ -52,8 +56,6 @@ class Found:
     x: np.ndarray | None = None
     shapes: np.ndarray | None = None    #: (modes, points), complex if damped
     remarks: list[Remark] = field(default_factory=list)
-    onset: float | None = None          #: start of the motion, behind a quiet lead-in
-    used: int = 0                          #: samples that a fit uses
 
     @property
     def has_errors(self) -> bool:
@@ -68,6 +70,7 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
     """
     text = " ".join(text.split())
     text = re.sub(r"^(?:beamid: )?(?:\S*\.nml|beamid)(?::\d+)?: ", "", text)
+    text = re.sub(r"^&\w+: (?:\S*\.csv: )?", "", text)
     advice = ADVICE.search(text)
     named = NAMED.search(text)
     first = re.match(r"(\w+) is ", text)
@@ -88,6 +91,11 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
 def modes_of(case: Case, folder: Path, found: Found) -> None:
     """Add natural frequencies and mode shapes of the structure as it stands, or what is wrong."""
     path = folder / "structure.nml"
+    case = case.copy()
+    # A record may have a length of the beam and a place of the sensor of its own.
+    for key, group in (("length", "beam"), ("x_s", "sensor"), ("x_p", "support")):
+        if case.get("record", key) and case.all(group):
+            case.set(group, key, case.get("record", key))
     path.write_text(case.text(STRUCTURE), encoding="utf-8")
     try:
         modes = beamid.modes(path)
@@ -107,61 +115,100 @@ def modes_of(case: Case, folder: Path, found: Found) -> None:
 PLACEHOLDER = "&beam length=1, E={modulus!r}, rho=1, I=1 /"
 
 
-def check_record(case: Case, folder: Path, t: np.ndarray, z: np.ndarray, found: Found,
-                 used: dict[str, np.ndarray]) -> None:
-    """Add what the program says of the record alone, while the beam is not described yet.
+def check_record(case: Case, folder: Path, record: Record, found: Found,
+                 used: dict[str, np.ndarray]) -> float | None:
+    """Add what the program says of a record in time, while the beam is not described yet.
 
-    t, z  (m) times and values of the record
-    used  as `check_fit` takes it
+    Returns the onset. The arguments are those of `check_fit`.
     """
     part = slice(0, 100_000)
-    frequency = signals.lowest_mode(t[part], z[part]) or 10 / (t[-1] - t[0])
+    t = record.t
+    frequency = signals.lowest_mode(t[part], record.z[part]) or 10 / (t[-1] - t[0])
     modulus = float(2 * np.pi * frequency / 1.8751**2)**2
     trial = Case(PLACEHOLDER.format(modulus=modulus))
-    trial.groups += [group for group in Case(case.text()).groups
-                     if group[0] in ("excitation", "record")]
-    check_fit(trial, folder, t, found, used)
+    trial.add("record").update(case.first("record"))
+    return samples_used(trial, folder, record, found, used)
 
 
-def check_fit(case: Case, folder: Path, samples: np.ndarray, found: Found,
-              used: dict[str, np.ndarray]) -> None:
-    """Add the program's checks of a case with its record, without the search.
+def check_fit(case: Case, folder: Path, record: Record, found: Found,
+              used: dict[str, np.ndarray]) -> float | None:
+    """Add the program's checks of a case with its records, without the search.
 
-    The case is opened as for a fit. A fit of the offset alone then tells which samples are used.
+    record  that is edited
+    used    times that a fit uses, by the group of the record; extended on return
 
-    samples  (m) times of the record
-    used     times that a fit uses, by the groups that decide on them; extended on return
+    Returns the onset of the record, behind a quiet lead-in; None without one.
     """
     path = folder / "check.nml"
-    key = case.text(("record", "excitation"))
     try:
         if case.all("stage"):
             path.write_text(case.text(), encoding="utf-8")
             beamid.load(path)
+    except beamid.BeamidError as error:
+        add_errors(error, found, path.read_text(encoding="utf-8"))
+        return None
+    finally:
+        path.unlink(missing_ok=True)
+    if record.kind != "time" or not record.is_ready:
+        return None
+    trial = case.copy()
+    for name in ("stage", "multistart", "prior", "record", "excitation"):
+        trial.remove(name)
+    trial.add("record").update(case.first("record"))
+    return samples_used(trial, folder, record, found, used,
+                        case.get("excitation", "kind").lower() == "free")
+
+
+def samples_used(trial: Case, folder: Path, record: Record, found: Found,
+                 used: dict[str, np.ndarray], is_free: bool = True) -> float | None:
+    """Add what the program says of the samples of a record, and return its onset.
+
+    A fit of the offset alone, as of a free decay, tells which samples are used.
+
+    trial    a structure and the record
+    is_free  whether the record is a free decay; no other motion has an onset
+    """
+    path = folder / "check.nml"
+    trial.add("excitation").update(kind=["'free'"], modes=["1"])
+    trial.add("stage").update(free=["'offset'"], start=["'case'"])
+    key = trial.text(("record",))
+    try:
         if key not in used:
-            trial = Case(case.text())
-            trial.remove("stage")
-            trial.remove("multistart")
-            trial.add("stage").update(free=["'offset'"], start=["'case'"])
             path.write_text(trial.text(), encoding="utf-8")
             used[key] = beamid.load(path).fit(judge=False).t
         t = used[key]
     except beamid.BeamidError as error:
-        found.remarks += [remark_of(line, "error") for line in str(error).splitlines()
-                          if line not in {remark.text for remark in found.remarks}]
-        return
+        if is_free:
+            add_errors(error, found)
+        return None
     finally:
         path.unlink(missing_ok=True)
     if not t.size:
-        return
-    found.used = t.size
-    window = np.count_nonzero((samples >= t[0]) & (samples <= t[-1]))
-    if "thin" not in case.first("record") and window > t.size:
+        return None
+    window = np.count_nonzero((record.t >= t[0]) & (record.t <= t[-1]))
+    if "thin" not in record.keys and window > t.size:
         found.remarks.append(Remark(
             f"{window - t.size} of {window} samples are at a limit of the recorder (clipped); "
             "the fit leaves them out.", ("record", "value"), "note"))
-    if not case.get("record", "t_first") and samples.size and t[0] > samples[0]:
-        found.onset = float(t[0])
+    onset = float(t[0])
+    return onset if is_free and not record.get("t_first") and onset > record.t[0] else None
+
+
+def add_errors(error: beamid.BeamidError, found: Found, text: str = "") -> None:
+    """Add the lines of an error, each once, and the record that each is about.
+
+    text  of the case file whose lines the error names
+    """
+    groups = [place for name, _, place in cases.read_groups(text) if name == "record"]
+    for line in str(error).splitlines():
+        remark = remark_of(line, "error")
+        number = re.match(r"(?:beamid: )?\S*\.nml:(\d+):", line)
+        if number and len(groups) > 1:
+            at = sum(map(len, text.splitlines(keepends=True)[:int(number[1]) - 1]))
+            remark.record = next((k for k, (begin, end) in enumerate(groups)
+                                  if begin <= at < end), None)
+        if remark.text not in {other.text for other in found.remarks}:
+            found.remarks.append(remark)
 
 
 def verdict_remarks(summary: str) -> list[Remark]:

@@ -103,6 +103,11 @@ def beam(case: Case) -> str:
         shapes.append(f'<rect class="sensor" x="{x - 9:.1f}" y="{y - thick / 2 - 15}" width="18" '
                       'height="14" rx="2"/>')
         named(x, "sensor" if 0 < place <= length else "sensor, not on the beam", 0)
+    force = case.edited("excitation") or {}
+    if cases.unquoted(force.get("kind", [])).lower() in ("release", "pulse", "table"):
+        x = at(real(force, "x_f", length))
+        shapes.append(f'<path d="M{x:.1f} {y + thick / 2 + 34}v-30m-5 9l5 -9l5 9"/>')
+        named(x, "force", 2)
     heights = (y - thick / 2 - 22, y - 24, y + 52, y + 70)
     words = "".join(f'<text x="{x:.1f}" y="{heights[row]:.0f}" text-anchor="middle">{name}</text>'
                     for x, name, row in names)

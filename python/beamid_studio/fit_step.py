@@ -6,7 +6,8 @@ from typing import Any
 import page as h
 from nicegui import background_tasks, ui
 
-from beamid_studio import results, runs
+from beamid_studio import results
+from beamid_studio.motion import MotionPanel
 from beamid_studio.session import Result
 from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, panel
 
@@ -33,10 +34,10 @@ class FitStep:
         with ui.element("div").classes("step even"):
             with ui.element("div").classes("inputs"):
                 self.choices_panel()
-                self.motion_panel()
+                self.motion = MotionPanel(studio)
             with ui.element("div").classes("views"):
                 self.run_panel()
-                self.results = studio.results = results.Results(studio, self.work, self.hear)
+                self.results = studio.results = results.Results(studio, self.work)
         inherited = studio.refresh_choices
 
         def refresh() -> None:
@@ -44,7 +45,7 @@ class FitStep:
             self.show_choices()
 
         studio.refresh_choices = refresh
-        self.session.listeners.append(self.loaded)
+        studio.listeners.append(self.loaded)
         self.loaded()
 
     # -- inputs
@@ -92,14 +93,6 @@ class FitStep:
         with ui.element("div").classes("wide"):
             self.studio.tell_at("stage", name.lower())
 
-    def motion_panel(self) -> None:
-        """Build the choice of the number of modes."""
-        with panel("Motion"):
-            self.modes = ui.number("Modes in the record", min=1, max=20, step=1, precision=0,
-                                   on_change=self.take_modes).props(
-                "outlined dense data-field=modes")
-            self.motion = ui.label("").classes("lead")
-
     def run_panel(self) -> None:
         """Build the buttons and the progress."""
         with panel("") as box:
@@ -112,7 +105,8 @@ class FitStep:
                 self.spinner = ui.spinner(size="1.4rem")
             self.progress = ui.label("").classes("lead").props("data-field=progress")
             self.studio.tell_at("stage", "all")
-        self.busy(False)
+        self.studio.show_progress, self.studio.start = self.show_progress, self.start
+        self.show_progress()
 
     # -- events
 
@@ -124,13 +118,6 @@ class FitStep:
         self.session.case.free = [*names, *(self.further.value or [])]
         self.studio.changed()
 
-    def take_modes(self) -> None:
-        """Take the number of modes of a free decay."""
-        if self.muted or not self.modes.value:
-            return
-        self.session.case.set("excitation", "modes", str(int(self.modes.value)))
-        self.studio.changed()
-
     def show_choices(self) -> None:
         """Show what the case estimates."""
         self.muted = True
@@ -140,33 +127,27 @@ class FitStep:
             box.value = name.lower() in {one.lower() for one in free}
         others = [name for name in free if name.lower() not in known]
         self.further.set_options(list(dict.fromkeys([*FURTHER, *others])), value=others)
-        kind = self.session.case.get("excitation", "kind").lower()
-        self.modes.value = float(self.session.case.get("excitation", "modes") or 2)
-        self.modes.set_visibility(kind == "free")
-        self.motion.text = (
-            "A free decay: amplitude and phase of each mode are estimated, too." if kind == "free"
-            else f"The case describes the motion by &excitation kind='{kind}'.")
         self.muted = False
 
     def loaded(self) -> None:
         """Show the choices and the fits of another case."""
         self.show_choices()
+        self.motion.show()
         self.results.show_all()
 
-    def busy(self, running: bool) -> None:
-        """Show whether the program is running."""
+    def show_progress(self) -> None:
+        """Show whether a job is running, and what the program has said last."""
+        running = self.session.is_busy
         self.go.set_visibility(not running)
         self.stop.set_visibility(running)
         self.spinner.set_visibility(running)
-        if not running:
-            self.progress.text = ""
+        self.progress.text = self.session.progress
 
     def lacking(self) -> str:
         """Return what a fit still needs, or ''."""
         case = self.session.case
-        if not self.session.folder or not self.session.case.get("record", "file") or (
-                self.session.recording and not self.session.is_ready):
-            return "Open a recorder's file first, with times or a rate."
+        if self.session.lacking:
+            return self.session.lacking
         needed = [("length", "length"), ("e", "modulus E")]
         if not case.get("beam", "rho"):
             needed += [("width", "width"), ("height", "height"), ("density", "density")]
@@ -174,10 +155,6 @@ class FitStep:
         if missing:
             return f"The beam still needs: {', '.join(missing)}."
         return "" if case.free else "Tick at least one parameter."
-
-    def hear(self, line: str) -> None:
-        """Show a line of the program's progress."""
-        self.progress.text = runs.progress_text(line)
 
     async def start(self) -> None:
         """Fit the case as it stands."""
@@ -188,38 +165,38 @@ class FitStep:
         await self.work(self.fit())
 
     async def work(self, job: Any) -> None:
-        """Run a job of the program, one at a time."""
-        if self.session.run or self.stop.visible:
+        """Run a job of the program, one at a time; it goes on if the tab is loaded again."""
+        session = self.session
+        if session.is_busy:
             job.close()
             ui.notify("The program is running: wait, or cancel it.", type="warning")
             return
-        self.busy(True)
-        self.progress.text = "starting"
+        session.is_busy = True
+        session.say("starting")
         try:
             await background_tasks.create(job, name="run")
         finally:
-            if not self.session.closed:
-                self.busy(False)
+            session.is_busy = False
+            session.say("")
 
     async def fit(self) -> None:
         """Write what has changed, run the program, and show what it found."""
-        await self.studio.write_record()
-        result: Result | None = await self.session.fit(self.hear)
-        if self.session.closed:
+        await self.studio.write_records()
+        result: Result | None = await self.session.fit()
+        page = self.session.page    # perhaps another one by now
+        if page is None:
             return
         if result is None:
-            self.progress.text = ""
-            with self.results.box:
-                ui.notify("The fit was cancelled.")
+            page.results.notify("The fit was cancelled.")
             return
-        self.studio.place_remarks(result.remarks or (
+        page.place_remarks(result.remarks or (
             [results.error_remark(result)] if result.error else []))
-        await self.results.show_new(result)
+        await page.results.show_new(result)
 
     async def cancel(self) -> None:
         """End the run."""
         if self.session.run:
-            self.progress.text = "cancelling"
+            self.session.say("cancelling")
             await self.session.run.cancel()
 
 

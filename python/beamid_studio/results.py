@@ -71,9 +71,8 @@ def report(result: Result) -> str:
 class Results:
     """The fits of a tab: one at a time, or side by side."""
 
-    def __init__(self, studio: Any, work: Callable[[Any], Any],
-                 heard: Callable[[str], None]) -> None:
-        self.studio, self.session, self.work, self.heard = studio, studio.session, work, heard
+    def __init__(self, studio: Any, work: Callable[[Any], Any]) -> None:
+        self.studio, self.session, self.work = studio, studio.session, work
         self.figures: list[tuple[Any, dict[str, Any]]] = []
         self.dark = studio.dark
         self.shown = 0
@@ -109,7 +108,7 @@ class Results:
                 modes = await asyncio.to_thread(mode_pictures, result)
             except Failure as failure:
                 error = failure.message
-        if self.session.closed or self.shown != result.number:
+        if self.studio.is_closed() or self.shown != result.number:
             return
         self.figures = []
         self.box.clear()
@@ -204,22 +203,28 @@ class Results:
     async def infer(self, command: str, result: Result, extra: str) -> None:
         """Run a command on a fit, and show what it adds."""
         async def job() -> None:
-            error = await self.session.infer(command, result, extra, self.heard)
-            if self.session.closed:
+            error = await self.session.infer(command, result, extra)
+            page = self.session.page    # perhaps another one by now
+            if page is None:
                 return
             if error:
-                with self.box:
-                    ui.notify("Cancelled." if error == "cancelled" else
-                              checks.remark_of(error).text, multi_line=True, close_button="Close",
-                              type="info" if error == "cancelled" else "negative")
+                page.results.notify("Cancelled." if error == "cancelled" else
+                                    checks.remark_of(error).text, multi_line=True,
+                                    close_button="Close",
+                                    type="info" if error == "cancelled" else "negative")
                 return
-            await self.show_new(result)
+            await page.results.show_new(result)
 
         await self.work(job())
 
+    def notify(self, text: str, **options: Any) -> None:
+        """Show a message on the page."""
+        with self.box:
+            ui.notify(text, **options)
+
     def ask_track(self, result: Result) -> None:
         """Ask for the parameter and the windows of a track."""
-        first, last = self.session.window
+        first, last = self.session.record.window
         with ui.dialog() as dialog, ui.card():
             ui.label("Follow a parameter through the record").classes("title")
             name = ui.select([one for one in self.session.case.free if one != "offset"],

@@ -40,10 +40,10 @@ def build(studio: Any) -> None:
     session = studio.session
 
     async def download() -> None:
-        if not session.folder or not (session.is_ready or session.case.get("record", "file")):
-            ui.notify("Open a recorder's file first.", type="warning")
+        if session.lacking:
+            ui.notify(session.lacking, type="warning")
             return
-        await studio.write_record()
+        await studio.write_records()
         path = await asyncio.to_thread(pack, session)
         ui.download.file(path, f"{session.folder.name}.zip")
 
@@ -62,10 +62,10 @@ def build(studio: Any) -> None:
 
     with ui.element("div").classes("step even"):
         with ui.element("div").classes("inputs"):
-            with panel("Download", "The case file and its record, as an archive; and the report of "
-                       "the last fit, a page that needs no network."):
+            with panel("Download", "The case file and its records, as an archive; and the report "
+                       "of the last fit, a page that needs no network."):
                 with ui.row().classes("gap-2"):
-                    ui.button("Case with its record", on_click=download).props(
+                    ui.button("Case with its records", on_click=download).props(
                         "unelevated dense no-caps padding='xs md' data-go=case")
                     ui.button("Report", on_click=report).props(
                         "outline dense no-caps padding='xs md' data-go=last-report")

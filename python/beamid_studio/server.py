@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import secrets
 import socket
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from nicegui import app, background_tasks, ui
+from nicegui import app, background_tasks, core, ui
 from nicegui.server import Server
 
 from beamid_studio import studio_page
@@ -20,6 +21,14 @@ from beamid_studio.session import Session
 HOST = "127.0.0.1"
 #: Seconds after which the server ends when its last tab is closed; reloading a tab takes less.
 LINGER = 6.0
+#: Seconds after which it ends when the websocket of its last tab has fallen silent without being
+#: closed: the computer, or the tab, is asleep.
+SLEEP = 8 * 3600.0
+#: Seconds for which a page without a websocket is kept.
+RECONNECT = 10.0
+#: Seconds between two signs of life of a websocket, and those that an answer may take: on a busy
+#: machine NiceGUI's 2 s were too few, and what the user did was lost with the websocket.
+PING = (10.0, 15.0)
 #: Largest body of a request that is no upload.
 SMALL = 1_000_000
 HEADERS = [
@@ -176,44 +185,71 @@ def free_port(wanted: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def end_with_last_tab() -> None:
-    """End the server when its last tab has been closed for a while."""
-    tabs: set[str] = set()
-    pending: list[asyncio.Task[None]] = []
+class Tabs:
+    """The tabs of the browser that are connected, and those that sleep."""
 
-    async def leave() -> None:
-        await asyncio.sleep(LINGER)
-        if not tabs:
-            app.shutdown()
+    def __init__(self, stay: bool) -> None:
+        self.stay = stay
+        self.open: set[str] = set()      #: clients of NiceGUI with a websocket
+        self.asleep: set[str] = set()    #: clients whose websocket has fallen silent
+        self.pending: asyncio.Task[None] | None = None
+        self.silent = False              #: whether the websocket that is being closed is
+        inner = core.sio.handlers["/"]["disconnect"]
 
-    def connected(client: Any) -> None:
-        tabs.add(client.id)
-        while pending:
-            pending.pop().cancel()
+        # NiceGUI does not say why a websocket ends: the browser has closed it, or is asleep.
+        @core.sio.on("disconnect")
+        def disconnecting(sid: str, reason: str) -> None:
+            self.silent = reason == core.sio.reason.PING_TIMEOUT
+            inner(sid)
 
-    def disconnected(client: Any) -> None:
-        tabs.discard(client.id)
-        if not tabs:
-            pending.append(asyncio.get_running_loop().create_task(leave()))
+        app.on_connect(self.connected)
+        app.on_disconnect(self.disconnected)
 
-    app.on_connect(connected)
-    app.on_disconnect(disconnected)
+    def connected(self, client: Any) -> None:
+        """Take note of a tab."""
+        self.open.add(client.id)
+        if self.pending:
+            self.pending.cancel()
+
+    def disconnected(self, client: Any) -> None:
+        """End the server when its last tab has been closed for a while."""
+        self.open.discard(client.id)
+        if self.silent:
+            self.asleep.add(client.id)
+        if not self.open and not self.stay:
+            self.pending = asyncio.get_running_loop().create_task(
+                self.end(SLEEP if self.asleep else LINGER))
+
+    async def end(self, seconds: float) -> None:
+        """End the server after a while, unless a tab connects."""
+        await asyncio.sleep(seconds)
+        app.shutdown()
 
 
 def serve(settings: Settings) -> int:
     """Serve the page until it is closed; return the exit status."""
     port, token = free_port(settings.port), secrets.token_urlsafe(24)
     app.add_middleware(Guard, port=port, token=token, limit=settings.limit)
-    first = [settings.file]
+    tabs = Tabs(settings.stay)
 
     @ui.page("/", title="beamid studio")
     async def page() -> None:
-        session = Session(settings.folder, settings.limit)
-        ui.context.client.on_delete(session.close)
-        await studio_page.build(session, first[0])
+        client = ui.context.client
+        dark = await studio_page.prepare()
+        session = Session.of_tab(app.storage.tab, client.tab_id, settings.folder, settings.limit)
+        tabs.asleep.discard(session.client)
+        session.client = client.id
+        studio = session.page = studio_page.Studio(session, dark)
 
-    if not settings.stay:
-        end_with_last_tab()
+        def leave() -> None:
+            studio.closed = True
+            session.leave(studio, client.id in tabs.asleep)
+            # The parts of a page refer to one another: Python would keep several pages for long.
+            asyncio.get_running_loop().call_later(1, gc.collect)
+
+        client.on_delete(leave)
+        await studio_page.build(studio, settings.file)
+
     app.on_shutdown(Session.close_all)
 
     async def tell() -> None:
@@ -223,11 +259,16 @@ def serve(settings: Settings) -> int:
         print(f"beamid studio: http://{HOST}:{port}/?token={token}\n"
               f"It writes below {settings.folder}. Ctrl-C ends it.", flush=True)
 
+    def be_patient() -> None:
+        """Set the signs of life, for which NiceGUI has values of its own."""
+        core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING
+
+    app.on_startup(be_patient)
     app.on_startup(lambda: background_tasks.create(tell(), name="tell"))
     # Ctrl-C is the usual end, after the server has closed everything.
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(host=HOST, port=port, reload=False, show_welcome_message=False,
                title="beamid studio", show=f"/?token={token}" if settings.show else False,
-               dark=None, favicon="〰️", reconnect_timeout=5.0, uvicorn_logging_level="warning",
-               access_log=False)
+               dark=None, favicon="〰️", reconnect_timeout=RECONNECT, access_log=False,
+               uvicorn_logging_level="warning")
     return 0

@@ -1,9 +1,9 @@
 """The work of one tab: its case, its record, its fits, and its folder."""
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,8 +12,9 @@ import cases
 import numpy as np
 
 from beamid_studio import recordings, runs
-from beamid_studio.case_model import Case, number_text, quoted
+from beamid_studio.case_model import Case, quoted
 from beamid_studio.checks import Found, Remark, verdict_remarks
+from beamid_studio.records import Force, Record
 
 #: A case to begin with: metres, newtons, seconds and kilograms, a free decay.
 NEW = """&units length='m', force='N', time='s', mass='kg' /
@@ -23,6 +24,10 @@ NEW = """&units length='m', force='N', time='s', mass='kg' /
 &prior parameter='length', sd=0.001 /
 &prior parameter='height', sd=2e-5 /
 """
+#: Sessions of closed tabs that are kept, so that a tab can come back.
+KEPT = 4
+#: An excitation to begin with.
+FREE = {"kind": ["'free'"], "modes": ["3"]}
 COMMENT = """Written by beamid studio, from {name}.
 
    beamid identify case.nml
@@ -53,32 +58,62 @@ class Result:
 
 
 class Session:
-    """The state behind one tab of the browser."""
+    """The state behind one tab of the browser; it outlives the pages that the tab loads."""
 
-    every: ClassVar[set[Session]] = set()
+    every: ClassVar[dict[str, Session]] = {}    #: by key; the longest without a page first
+    number: ClassVar[itertools.count[int]] = itertools.count(1)
 
     def __init__(self, root: Path, limit: int) -> None:
         self.root, self.limit = root, limit
+        self.key = str(next(self.number))
+        self.page: Any = None            #: the page that shows the session now
+        self.tab = self.client = ""      #: NiceGUI's names of the tab, and of the page in it
+        self.step = "record"             #: the step that the page shows
+        self.chosen_units: dict[tuple[str, ...], str] = {}    #: of the fields of the page
         self.folder: Path | None = None
         self.case = Case(NEW)
         self.name = ""                   #: of the file, as the user calls it
-        self.recording: recordings.Recording | None = None
-        self.rate = ""                   #: samples per second of a file without times
-        self.t = self.z = np.empty(0)    #: times [s] and values of the record
-        self.missing = 0
+        self.records = [Record(self.case.first("record"))]    #: of the case, in its order
         self.found = Found()
-        self.used: dict[str, np.ndarray] = {}    #: times that a fit uses, by the case of the record
+        self.used: dict[str, np.ndarray] = {}    #: times that a fit uses, by the case of a record
         self.results: list[Result] = []
         self.run: runs.Run | None = None
-        self.listeners: list[Callable[[], Any]] = []
+        self.is_busy = False             #: whether a job is running, which has one run or none
+        self.progress = ""               #: of the job
         self.closed = False
-        Session.every.add(self)
+        Session.every[self.key] = self
 
     # -- the life of a tab
 
-    def is_closed(self) -> bool:
-        """Return whether the tab has been closed, perhaps during a computation."""
-        return self.closed
+    @classmethod
+    def of_tab(cls, memory: dict[str, Any], tab: str, root: Path, limit: int) -> Session:
+        """Return the session that a tab had before it was reloaded; a new one if it had none.
+
+        memory  what NiceGUI keeps for the tab. A tab that the user has duplicated begins with a
+                copy of it, but leaves the session to the tab that shows it.
+        tab     NiceGUI's name of the tab
+        """
+        session = cls.every.get(memory.get("session", ""))
+        if session is None or (session.page and session.page.is_connected and session.tab != tab):
+            session = cls(root, limit)
+        memory["session"], session.tab = session.key, tab
+        return session
+
+    def leave(self, page: Any, asleep: bool) -> None:
+        """Keep the session without its page, in case that the tab is loaded again.
+
+        page    the page that has been closed; nothing happens if another one shows the session
+        asleep  whether the tab may come back; otherwise its run ends
+        """
+        if self.page is not page or self.closed:
+            return
+        self.page = None
+        if self.run and not asleep:
+            self.run.kill()
+        Session.every[self.key] = Session.every.pop(self.key)
+        alone = [session for session in Session.every.values() if session.page is None]
+        for session in alone[:-KEPT]:
+            session.close()
 
     def close(self) -> None:
         """End what the tab has started; its folder stays if it holds a fit."""
@@ -87,19 +122,23 @@ class Session:
             self.run.kill()
         if self.folder and not self.results:
             shutil.rmtree(self.folder, ignore_errors=True)
-        self.listeners.clear()
-        self.recording, self.t, self.z = None, np.empty(0), np.empty(0)
-        Session.every.discard(self)
+        self.records, self.used, self.found = [], {}, Found()
+        Session.every.pop(self.key, None)
 
     @classmethod
     def close_all(cls) -> None:
         """End what every tab has started."""
-        for session in list(cls.every):
+        for session in list(cls.every.values()):
             session.close()
         for run in list(runs.ALL):
             run.kill()
 
-    # -- the record
+    # -- the records
+
+    @property
+    def record(self) -> Record:
+        """The record that is edited."""
+        return self.records[self.case.chosen]
 
     def begin(self, name: str) -> Path:
         """Return a new folder for a file, and forget the fits of the one before."""
@@ -117,69 +156,127 @@ class Session:
         self.folder, self.results, self.name = folder, [], name
         return folder
 
-    def take(self, recording: recordings.Recording) -> None:
-        """Make a recording the record of the case; the beam stays as it is."""
-        self.begin(recording.name)
-        self.recording, self.rate = recording, ""
-        for key in ("t_first", "t_last", "scale", "offset", "rate", "time_column", "value_column"):
-            self.case.set("record", key, None)
-        self.case.set("record", "file", quoted("record.csv"))
-        self.choose(recording.chosen)
+    def take(self, recording: recordings.Recording, further: bool = False) -> None:
+        """Make a recording the record of the case, or a further one; the beam stays as it is."""
+        was_in_time = self.is_in_time
+        if further:
+            each = self.has_own_excitations
+            record = Record(self.case.add("record"))
+            if each:
+                self.case.add("excitation").update(FREE)
+        else:
+            self.begin(recording.name)
+            for _ in self.records[1:]:
+                self.case.remove_record(1)
+            if any("file" in keys for keys in self.case.all("excitation")):
+                self.case.remove("excitation")    # its table belongs to the records before
+            record = Record(self.case.first("record"))
+            record.keys.clear()
+            self.records = []
+        self.records.append(record)
+        self.case.chosen = len(self.records) - 1
+        record.name, record.recording = recording.name, recording
+        record.keys["file"] = [quoted(self.fresh_file("record"))]
+        record.choose(recording.chosen)
+        self.follow_kinds(was_in_time)
 
     def choose(self, place: int) -> None:
-        """Make a channel the record."""
-        assert self.recording is not None
-        self.recording.chosen = place
-        factor = recordings.ACCELERATIONS.get(self.recording.unit, "")
-        self.case.set("record", "scale", factor if factor not in ("", "1") else None)
-        self.load_samples()
+        """Make a column of its file the record that is edited."""
+        was_in_time = self.is_in_time
+        self.renew_record()
+        self.record.choose(place)
+        self.follow_kinds(was_in_time)
+
+    def remove_record(self) -> None:
+        """Remove the record that is edited, unless it is the only one."""
+        if len(self.records) > 1:
+            was_in_time, place = self.is_in_time, self.case.chosen
+            self.case.remove_record(place)
+            del self.records[place]
+            self.follow_kinds(was_in_time)
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether a record consists of accelerations in time."""
+        return any(record.kind == "time" for record in self.records)
+
+    def follow_kinds(self, was_in_time: bool) -> None:
+        """Estimate an offset once there is a record in time, and none without one."""
+        if self.is_in_time and not self.case.all("excitation"):
+            self.case.add("excitation").update(FREE)
+        names = [name for name in self.case.free if name != "offset"]
+        if was_in_time != self.is_in_time:
+            self.case.free = [*names, "offset"] if self.is_in_time else names
+
+    @property
+    def has_own_excitations(self) -> bool:
+        """Whether each of several records has an excitation of its own."""
+        return len(self.case.all("excitation")) == len(self.records) > 1
+
+    @property
+    def moved(self) -> Record:
+        """The record whose motion is edited: the first one if all have the same."""
+        return self.record if self.has_own_excitations else self.records[0]
+
+    def set_own_excitations(self, own: bool) -> None:
+        """Give each record an excitation of its own that begins as that of all, or undo this."""
+        first = dict(self.case.first("excitation"))
+        self.case.remove("excitation")
+        for _ in self.records if own else self.records[:1]:
+            self.case.add("excitation").update(first)
+        for record in self.records[1:]:
+            record.force = None
+
+    def set_excitation(self, kind: str) -> None:
+        """Set the kind of the motion that is edited."""
+        keys = self.case.first("excitation")
+        place = {key: value for key, value in keys.items() if key == "x_f" and kind != "free"}
+        keys.clear()
+        keys.update({**FREE, "kind": [quoted(kind)]} if kind == "free" else
+                    {"kind": [quoted(kind)], **place})
+        self.moved.force = None
+
+    def set_force(self, force: Force) -> None:
+        """Set the measured force of the motion that is edited."""
+        if self.moved.force is None or self.results or self.is_busy:
+            self.case.set("excitation", "file", quoted(self.fresh_file("force")))
+        self.moved.force, self.moved.unwritten = force, True
+        for key in ("time_column", "value_column", "rate"):
+            self.case.set("excitation", key, None)
+
+    def fresh_file(self, stem: str) -> str:
+        """Return a name for a table that neither the case nor a fit has used."""
+        assert self.folder is not None
+        used = {cases.unquoted(keys["file"]) for _, keys in self.case.groups if "file" in keys}
+        names = itertools.chain([f"{stem}.csv"], (f"{stem}_{k}.csv" for k in itertools.count(2)))
+        return next(name for name in names
+                    if name not in used and not (self.folder / name).exists())
 
     def renew_record(self) -> None:
         """Give the record a new file before it changes, if a fit has used the present one."""
-        if self.results:
-            self.case.set("record", "file", quoted(f"record_{len(self.results) + 1}.csv"))
+        if self.results or self.is_busy:
+            self.record.keys["file"] = [quoted(self.fresh_file("record"))]
+            if self.moved is self.record and self.record.force:
+                self.case.set("excitation", "file", quoted(self.fresh_file("force")))
+        self.record.unwritten = True
 
-    def load_samples(self) -> None:
-        """Take times and values of the channel, in seconds and in the unit of the file."""
-        assert self.recording is not None
-        self.t, self.z, self.missing = self.recording.samples(float(self.rate or 0))
-
-    def write_record(self) -> None:
-        """Write the record as the table that the case names."""
-        if self.recording and self.folder and self.is_ready:
-            self.used.clear()
-            self.recording.write(self.record_file, float(self.rate or 0))
-
-    @property
-    def record_file(self) -> Path:
-        """The table of the record, in the folder of the tab."""
-        assert self.folder is not None
-        # The name is one of those that the page has given, whatever the case file said.
-        return self.folder / Path(self.case.get("record", "file") or "record.csv").name
+    def write_records(self) -> None:
+        """Write the records that have changed as the tables that the case names."""
+        each = self.case.all("excitation")
+        for k, record in enumerate(self.records):
+            if record.unwritten and self.folder:
+                self.used.clear()
+                keys = each[k if self.has_own_excitations else 0] if each else {}
+                name = Path(cases.unquoted(keys.get("file", []))).name
+                record.write(self.folder, self.folder / name if name and record.force else None)
 
     @property
-    def is_ready(self) -> bool:
-        """Whether there is a record with times."""
-        return bool(self.t.size) and (self.recording is None or self.recording.has_times
-                                      or bool(self.rate))
-
-    @property
-    def scale(self) -> float:
-        """Factor from the unit of the file to that of the case."""
-        try:
-            return float(self.case.get("record", "scale") or 1)
-        except ValueError:
-            return 1.0
-
-    @property
-    def window(self) -> tuple[float, float]:
-        """First and last time of the fit."""
-        ends = [float(self.t[0]), float(self.t[-1])] if self.t.size else [0.0, 1.0]
-        if self.found.onset is not None:
-            ends[0] = self.found.onset
-        given = [number_text(self.case.get("record", key)) for key in ("t_first", "t_last")]
-        first, last = (float(text) if text else end for text, end in zip(given, ends))
-        return first, last
+    def lacking(self) -> str:
+        """What the records still need before a fit, or ''."""
+        if not self.folder or not self.records[0].get("file"):
+            return "Open a recorder's file first."
+        without = [k for k, record in enumerate(self.records, 1) if record.lacks_rate]
+        return (f"Record {without[0]} still needs its samples per second." if without else "")
 
     def case_text(self) -> str:
         """Return the case file that a fit reads."""
@@ -187,7 +284,17 @@ class Session:
 
     # -- fits
 
-    async def fit(self, heard: Callable[[str], None]) -> Result | None:
+    def hear(self, line: str) -> None:
+        """Show a line of the program's progress on the page."""
+        self.say(runs.progress_text(line))
+
+    def say(self, progress: str) -> None:
+        """Show the progress of the job on the page, and whether it is running."""
+        self.progress = progress
+        if self.page:
+            self.page.show_progress()
+
+    async def fit(self) -> Result | None:
         """Fit the case as it stands; return nothing if the fit was cancelled."""
         assert self.folder is not None
         number = 1 + max((result.number for result in self.results), default=0)
@@ -196,7 +303,7 @@ class Session:
         text = self.case_text()
         path = self.folder / "case.nml"
         path.write_text(text, encoding="utf-8")
-        self.run = runs.Run("identify", path, out, heard)
+        self.run = runs.Run("identify", path, out, self.hear)
         try:
             status = await self.run.go()
             error = self.run.error
@@ -211,8 +318,7 @@ class Session:
         self.results.append(result)
         return result
 
-    async def infer(self, command: str, result: Result, extra: str,
-                    heard: Callable[[str], None]) -> str:
+    async def infer(self, command: str, result: Result, extra: str) -> str:
         """Run profile, sample, bootstrap or track on a fit; return what went wrong, or ''.
 
         extra  further groups of the case file
@@ -221,7 +327,7 @@ class Session:
         path = self.folder / f"{command}.nml"
         path.write_text(result.case + extra, encoding="utf-8")
         out = result.folder if command != "track" else result.folder / "track"
-        self.run = runs.Run(command, path, out, heard)
+        self.run = runs.Run(command, path, out, self.hear)
         try:
             status = await self.run.go()
             error = self.run.error
@@ -233,7 +339,7 @@ class Session:
     # -- an existing case
 
     def open_case(self, path: Path) -> None:
-        """Restore a case file, or the output folder of a fit, with its first record.
+        """Restore a case file, or the output folder of a fit, with its records.
 
         Raises recordings.Unreadable with one sentence.
         """
@@ -248,13 +354,13 @@ class Session:
         if not case.all("beam") or not records:
             raise recordings.Unreadable(f"{file.name}: found no &beam or no &record, expected a "
                                         "case file of a fit")
+        names = [Path(cases.unquoted(keys.get("file", []))).name for keys in records]
         places = [file.parent, *([path.parent, Path.cwd(), *Path.cwd().glob("*/")]
                                  if path.is_dir() else [])]
         name = path.name if path.is_dir() else file.parent.name + "-" + file.stem
-        copies: list[tuple[Path, str]] = []
-        used = [keys for group in ("record", "excitation") for keys in case.all(group)
-                if "file" in keys]
-        for k, keys in enumerate(used):
+        copies: dict[Path, str] = {}
+        for k, keys in enumerate(keys for group in ("record", "excitation")
+                                 for keys in case.all(group) if "file" in keys):
             given = cases.unquoted(keys["file"])
             source = next((place / given for place in places if (place / given).is_file()), None)
             if source is None:
@@ -262,23 +368,15 @@ class Session:
                                             "case file in the folder of its record")
             if source.stat().st_size > self.limit:
                 raise recordings.Unreadable(f"{given}: is larger than {self.limit // 10**6} MB")
-            target = "record.csv" if k == 0 else f"table_{k + 1}.csv"
-            copies.append((source, target))
+            target = copies.setdefault(source, f"table_{k + 1}.csv" if k else "record.csv")
             keys["file"] = [quoted(target)]
         folder = self.begin(name)
-        for source, target in copies:
+        for source, target in copies.items():
             shutil.copyfile(source, folder / target)
-        self.case, self.recording = case, None
-        self.name = path.name
-        try:
-            self.t, a = cases.read_samples(folder / "case.nml", records[0])
-            offset = cases.real(records[0], "offset", 0.0)
-            self.z = a / self.scale + offset
-        except (SystemExit, KeyError) as failure:    # a frequency response or a table of modes
-            self.t = self.z = np.empty(0)
-            if cases.unquoted(records[0].get("kind", [])).lower() not in ("frf", "modes"):
-                raise recordings.Unreadable(getattr(failure, "message", str(failure))) from None
-        self.missing = 0
+        self.case, self.name = case, path.name
+        self.records = [Record(keys, name=given) for keys, given in zip(records, names)]
+        for record in self.records:
+            record.read(folder)
         if path.is_dir():
             self.restore_results(path)
 

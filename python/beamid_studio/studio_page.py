@@ -7,7 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import figures as f
 import numpy as np
+import responses
 from nicegui import background_tasks, ui
 from units import Units
 
@@ -20,6 +22,8 @@ from beamid_studio.widgets import NumberField, Tells
 
 #: Seconds after an input before the program is asked.
 PAUSE = 0.35
+#: Modes of the model that are shown in a frequency response.
+MOST_MODES = 20
 STEPS = {"record": "1  Record", "beam": "2  Beam", "fit": "3  Fit", "save": "4  Save"}
 SCHEME = """<script>
   const tellScheme = () => emitEvent("scheme", document.body.classList.contains("body--dark"));
@@ -33,6 +37,8 @@ class Studio:
     def __init__(self, session: Session, dark: bool) -> None:
         self.session, self.dark = session, dark
         self.client = ui.context.client
+        self.closed = False
+        self.listeners: list[Callable[[], Any]] = []    #: called when another file is open
         self.tells: dict[Field, Tells] = {}
         self.labels: dict[Field, str] = {}
         self.steps_of: dict[Field, str] = {}    #: the step that has a field
@@ -42,12 +48,21 @@ class Studio:
         self.spectrum: Any = None          #: of the window
         self.drawn: dict[int, tuple[Any, ...]] = {}    #: what each figure shows
         self.redraws: dict[str, Callable[[], Any]] = {}    #: by the name of the step
-        self.step = "record"
         self.stale = False                 #: whether the spectrum is of another window
         self.version = 0
-        self.unwritten = False             #: whether the record has changed since it was written
         self.turn = asyncio.Lock()         #: one check at a time
         self.results: Any = None
+        self.show_progress: Callable[[], Any] = lambda: None    #: of the fit; its step sets this
+        self.start: Callable[..., Any] = lambda: None           #: the fit; its step sets this
+
+    def is_closed(self) -> bool:
+        """Return whether the page has been closed, perhaps during a computation."""
+        return self.closed or self.session.closed
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether a browser shows the page."""
+        return not self.closed and bool(self.client.has_socket_connection)
 
     # -- input
 
@@ -55,7 +70,7 @@ class Studio:
                ) -> NumberField:
         """Add a field for a number of the case."""
         field = NumberField(lambda: self.session.case, (group, key.lower()), label, units,
-                            self.changed, **options)
+                            self.changed, chosen=self.session.chosen_units, **options)
         self.numbers.append(field)
         if not options.get("sd"):
             self.tells[field.place] = field.tells
@@ -71,11 +86,10 @@ class Studio:
     def changed(self, record: bool = False, window: bool = False) -> None:
         """Follow an input: at once what is cheap, the program's answer soon after.
 
-        record  whether times or values of the record are others
+        record  whether times or values of the record that is edited are others
         window  whether the window of the fit is another
         """
         self.version += 1
-        self.unwritten = self.unwritten or record
         self.stale = self.stale or record or window
         if record:
             self.session.found, self.spectrum = Found(), None
@@ -84,67 +98,64 @@ class Studio:
 
     def draw_now(self) -> None:
         """Redraw what the user sees and what needs no long computation."""
-        if not self.session.closed:
-            self.redraws[self.step]()
+        if not self.is_closed():
+            self.redraws[self.session.step]()
 
     def show_step(self, name: str) -> None:
         """Draw a step that has become visible."""
-        self.step = name
+        self.session.step = name
         self.draw_now()
 
     async def follow(self, version: int) -> None:
         """Ask the program about the input, unless a later input has come."""
         await asyncio.sleep(PAUSE)
         async with self.turn:
-            if version != self.version or self.session.is_closed():
+            if version != self.version or self.is_closed():
                 return
             try:
                 await self.ask(version)
             except FileNotFoundError:
                 # The folder goes with its tab, perhaps during a computation.
-                if not self.session.is_closed():
+                if not self.is_closed():
                     raise
 
     async def ask(self, version: int) -> None:
         """Ask the program about the input as it stands, and show what it says."""
         session = self.session
-        case, found = Case(session.case.text()), Found()
+        case, found, record = session.case.copy(), Found(), session.record
         folder = session.folder or session.begin("beam")
-        await self.write_record()
-        ready = session.is_ready and session.record_file.exists()
+        await self.write_records()
         described = is_described(case)
         if described:
             await asyncio.to_thread(checks.modes_of, case, folder, found)
             if version == self.version:    # the frequencies do not wait for the record
-                found.onset, found.used = session.found.onset, session.found.used
                 session.found = replace(found)
                 self.draw_now()
-        if described and ready and not found.has_errors:
-            found.onset = None
-            await asyncio.to_thread(checks.check_fit, case, folder, session.t, found, session.used)
-        elif ready and not described:
-            await asyncio.to_thread(checks.check_record, case, folder, session.t, session.z, found,
-                                    session.used)
-        if version != self.version or session.is_closed():
+        onset = None
+        if described and not session.lacking and not found.has_errors:
+            onset = await asyncio.to_thread(checks.check_fit, case, folder, record, found,
+                                            session.used)
+        elif record.is_ready and record.kind == "time" and not described:
+            onset = await asyncio.to_thread(checks.check_record, case, folder, record, found,
+                                            session.used)
+        if version != self.version or self.is_closed():
             return
-        moved = found.onset != session.found.onset
-        session.found = found
+        moved = onset != record.onset
+        record.onset, session.found = onset, found
         if self.spectrum is None or self.stale or moved:
             self.stale = False
             await self.transform()
-        if version == self.version and not session.is_closed():
+        if version == self.version and not self.is_closed():
             self.show_found()
 
-    async def write_record(self) -> None:
-        """Write the record, if it has changed."""
-        if self.unwritten:
-            self.unwritten = False
-            await asyncio.to_thread(self.session.write_record)
+    async def write_records(self) -> None:
+        """Write the records that have changed."""
+        await asyncio.to_thread(self.session.write_records)
 
     async def transform(self) -> None:
         """Compute the spectrum of the window."""
-        session = self.session
-        if not session.is_ready:
+        record = self.session.record
+        if not record.is_ready or record.kind != "time":
             self.spectrum = None
             return
         t, values = self.window_samples()
@@ -152,10 +163,10 @@ class Studio:
 
     def window_samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples of the window, in the unit of the case."""
-        session = self.session
-        low, high = np.searchsorted(session.t, session.window, side="left")
+        record = self.session.record
+        low, high = np.searchsorted(record.t, record.window, side="left")
         part = slice(int(low), int(high) + 1)
-        return session.t[part], session.scale * session.z[part]
+        return record.t[part], record.scale * record.z[part]
 
     def show_found(self) -> None:
         """Show the program's sentences at their fields, and the frequencies in the figures."""
@@ -170,6 +181,9 @@ class Studio:
         placed: dict[Field, list[Remark]] = {}
         counts = dict.fromkeys(self.badges, 0)
         for remark in remarks:
+            if remark.record not in (None, self.session.case.chosen):
+                remark = replace(remark, text=f"Record {remark.record + 1}: {remark.text}",
+                                 field=("record", "file"))
             place = remark.field if remark.field in self.tells else ("stage", "all")
             placed.setdefault(place, []).append(remark)
             step = self.steps_of.get(place, "fit")
@@ -194,27 +208,35 @@ class Studio:
 
     # -- files
 
-    async def open(self, work: Callable[[], Any]) -> bool:
-        """Open a file by a function that runs in a thread; return whether it could be used."""
-        if self.session.run:
+    async def open(self, work: Callable[[], Any], further: bool = False) -> bool:
+        """Open a file by a function that runs in a thread; return whether it could be used.
+
+        further  whether it becomes a further record of the case
+        """
+        if self.session.is_busy:
             ui.notify("A fit is running: cancel it first.", type="warning")
             return False
         try:
             recording = await asyncio.to_thread(work)
         except Unreadable as error:
-            ui.notify(str(error), type="negative", multi_line=True, close_button="Close",
-                      timeout=0)
+            self.say(error)
             return False
         if recording is not None:
-            self.session.take(recording)
-        self.unwritten = recording is not None
-        self.session.found = Found()
-        self.spectrum = None
-        self.refresh_fields()
-        for listener in self.session.listeners:
-            listener()
-        self.changed(record=recording is not None)
+            self.session.take(recording, further)
+        self.show_record()
         return True
+
+    @staticmethod
+    def say(error: Unreadable) -> None:
+        """Show why a file cannot be used."""
+        ui.notify(str(error), type="negative", multi_line=True, close_button="Close", timeout=0)
+
+    def show_record(self) -> None:
+        """Show the record that is edited now in place of that before."""
+        self.refresh_fields()
+        for listener in self.listeners:
+            listener()
+        self.changed(record=True)
 
     def refresh_fields(self) -> None:
         """Show the values of the case in every field."""
@@ -253,13 +275,41 @@ class Studio:
             self.drawn[chart.id] = key
             self.show_figure(chart, make())
 
-    def draw_spectrum(self, chart: Any) -> None:
-        """Show the spectrum of the window with the frequencies of the model."""
+    def draw_spectrum(self, chart: Any) -> bool:
+        """Show the spectrum of the window with the frequencies of the model, if there is one."""
         chart.set_visibility(self.spectrum is not None)
         if self.spectrum is not None:
             modes = self.session.found.frequencies[:12]
             self.follow_figure(chart, (id(self.spectrum), tuple(modes)), lambda: (
                 views.spectrum_figure(self.spectrum, modes, self.units)))
+        return self.spectrum is not None
+
+    def draw_frequencies(self, chart: Any, view: Any = None, mode: str = "zoom") -> bool:
+        """Show a record of frequencies beside those of the model; return whether it is one.
+
+        view, mode  as `views.record` takes them
+        """
+        record, found = self.session.record, self.session.found
+        shown = record.is_ready and record.kind != "time" and (record.kind == "frf"
+                                                               or record.modes is not None)
+        if not shown:
+            return False
+        chart.set_visibility(True)
+        frequencies = tuple(found.frequencies[:MOST_MODES])
+        key = (record.version, frequencies, record.window, record.scale, view, mode)
+        if record.kind == "modes":
+            self.follow_figure(chart, key, lambda: views.modal(
+                record.modes, found.frequencies, found.damping))
+            return True
+        unit = {"mobility": "velocity", "receptance": "length"}.get(
+            record.get("quantity").lower(), "acceleration")
+        units = [self.units.get(name) for name in (unit, "force")]
+        self.follow_figure(chart, key, lambda: views.response(
+            record.t, record.scale * record.z, np.array(frequencies), window=record.window,
+            label=f.label(record.get("quantity") or "accelerance",
+                          responses.ratio_of_units(*units) if all(units) else ""),
+            view=view, mode=mode))
+        return True
 
 
 def is_described(case: Case) -> bool:
@@ -270,14 +320,18 @@ def is_described(case: Case) -> bool:
                 and ((has_section and case.get("beam", "density")) or case.get("beam", "rho")))
 
 
-async def build(session: Session, first: Path | None) -> None:
-    """Build the page for a new tab, and open the file of the command line."""
+async def prepare() -> bool:
+    """Send what every page needs, wait for the browser, and return whether it is dark."""
     ui.add_css(style.sheet())
     ui.add_body_html(SCHEME)
     ui.colors(primary="#0072b2")
     await ui.context.client.connected(timeout=30)
-    dark = bool(await ui.run_javascript("document.body.classList.contains('body--dark')"))
-    studio = Studio(session, dark)
+    return bool(await ui.run_javascript("document.body.classList.contains('body--dark')"))
+
+
+async def build(studio: Studio, first: Path | None) -> None:
+    """Build the page of a session, and open the file of the command line in a new one."""
+    session = studio.session
     with ui.element("header").classes("top"):
         with ui.element("div").classes("brand"):
             ui.label("beamid studio")
@@ -290,12 +344,12 @@ async def build(session: Session, first: Path | None) -> None:
     builders = {"record": lambda: record_step.build(studio, lambda: tabs.set_value("beam")),
                 "beam": lambda: beam_step.build(studio, lambda: tabs.set_value("fit")),
                 "fit": lambda: fit_step.build(studio), "save": lambda: save_step.build(studio)}
-    with ui.tab_panels(tabs, value="record", animated=False, keep_alive=False).classes("steps"):
+    with ui.tab_panels(tabs, value=session.step, animated=False, keep_alive=False).classes("steps"):
         for name, step in builders.items():
             studio.building = name
             with ui.tab_panel(name):
                 step()
-    session.listeners.append(lambda: what.set_text(session.name))
+    studio.listeners.append(lambda: what.set_text(session.name))
 
     def scheme(event: Any) -> None:
         studio.dark = bool(event.args)
@@ -303,5 +357,8 @@ async def build(session: Session, first: Path | None) -> None:
 
     ui.on("scheme", scheme)
     tabs.on_value_change(lambda event: studio.show_step(event.value))
-    if first is not None and await record_step.open_path(studio, first) and session.results:
+    if session.folder:    # the tab has been loaded again
+        what.set_text(session.name)
+        studio.changed()
+    elif first is not None and await record_step.open_path(studio, first) and session.results:
         tabs.set_value("fit")

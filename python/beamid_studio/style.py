@@ -62,12 +62,17 @@ a { color: var(--link); }
 .facts { display: grid; grid-template-columns: auto 1fr; gap: .15rem 1rem; font-size: .9rem;
   width: 100%; font-variant-numeric: tabular-nums; }
 .facts > :nth-child(odd) { color: var(--soft); }
+.records { display: flex; flex-direction: column; gap: .3rem; width: 100%; }
+.records .bar { gap: .2rem; } .records .q-btn { justify-content: start; }
+.drops { display: grid; grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); gap: .6rem;
+  width: 100%; }
+.drops .drop .q-uploader__title { font-size: .88rem; white-space: nowrap; }
 .drop { width: 100%; border: 1.5px dashed var(--line); border-radius: .6rem; box-shadow: none;
   background: var(--panel); color: var(--text); max-height: none; }
 .drop .q-uploader__header { background: none; color: var(--text); }
 .drop .q-uploader__list, .drop .q-uploader__subtitle { display: none; }
-.drop .q-uploader__header-content { padding: .7rem .9rem; }
-.nicegui-column:empty, .facts:empty, .w-full:empty { display: none; }
+.drop .q-uploader__header-content { padding: .55rem .9rem; }
+.nicegui-column:empty, .facts:empty, .records:empty, .w-full:empty { display: none; }
 .drop.q-uploader--dnd, .drop .q-uploader__dnd { outline-color: var(--link); }
 .drop .q-uploader__title { font-size: .95rem; font-weight: 550; }
 .chart { width: 100%; min-width: 0; }

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 import figures as f
+import frf_outputs
 import numpy as np
 import page as h
 import signals as s
@@ -138,4 +139,85 @@ def spectrogram(samples: tuple[np.ndarray, np.ndarray], modes: np.ndarray) -> An
         figure.add_hline(y=float(mode), line=dict(color="rgba(255,255,255,.7)", width=1,
                                                   dash="dash"), annotation_text=f"{k + 1}",
                          annotation_font_color="#ffffff", annotation_position="top left")
+    return figure
+
+
+def response(frequencies: np.ndarray, values: np.ndarray, modes: np.ndarray, *,
+             window: tuple[float, float], label: str, view: tuple[float, float] | None = None,
+             mode: str = "zoom") -> Any:
+    """Return the figure of a frequency response: magnitude and phase, with the model's frequencies.
+
+    window     frequencies of the fit
+    label      quantity of the response with its unit
+    view, mode  as `record` takes them
+    """
+    figure = f.stacked([0.64, 0.36], "frequency (Hz)", [label, "phase (°)"], 430)
+    magnitude = np.maximum(np.abs(values), 1e-300)
+    inside = (frequencies >= window[0]) & (frequencies <= window[1])
+    for tone, seen in (("grey", slice(None)), ("blue", inside)):
+        x = frequencies[seen]
+        if len(x) > 1:
+            f.add_line(figure, x, magnitude[seen], "", f.colour(tone), row=1)
+            turned = frf_outputs.wrapped(x, frf_outputs.degrees(values[seen]))
+            figure.add_scatter(x=f.numbers(turned[0]), y=f.numbers(turned[1]), mode="lines",
+                               line=dict(color=f.colour(tone), width=1.2), row=2, col=1)
+    low, high = view or (float(frequencies[0]), float(frequencies[-1]))
+    bottom, top = 0.5 * np.nanpercentile(magnitude, 0.5), 2.5 * np.nanmax(magnitude)
+    for k, frequency in enumerate(modes, 1):
+        if not low < frequency < high:
+            continue
+        for row, ends in ((1, [bottom, top]), (2, [-185, 185])):
+            figure.add_scatter(x=[frequency] * 2, y=ends, mode="lines", row=row, col=1,
+                               line=dict(color=f.colour("green"), width=1, dash="dash"),
+                               hovertemplate=f"mode {k} at %{{x:.5g}} Hz<extra></extra>")
+        figure.add_annotation(x=frequency, y=1, yref="y domain", text=f"{k}", showarrow=False,
+                              xanchor="left", yanchor="top", xshift=1,
+                              font=dict(color=f.colour("green"), size=11))
+    figure.update_yaxes(type="log", range=[np.log10(bottom), np.log10(top)], row=1)
+    figure.update_yaxes(range=[-190, 190], dtick=90, row=2)
+    figure.update_yaxes(fixedrange=True)
+    figure.update_xaxes(range=[low, high])
+    if mode == "select":
+        figure.add_vrect(x0=window[0], x1=window[1], fillcolor=f.colour("band"), opacity=0.35,
+                         line=dict(color=f.colour("blue"), width=1), layer="below")
+    figure.update_layout(showlegend=False, selectdirection="h", dragmode=mode, selections=[],
+                         margin=dict(t=18), uirevision=f"{mode}{low}{high}",
+                         newselection=dict(line=dict(color=f.colour("blue"), width=1)))
+    return figure
+
+
+def modal(table: Any, modes: np.ndarray, damping: np.ndarray) -> Any:
+    """Return the figure of measured modes with 95 % error bars beside those of the model.
+
+    table  measured modes; without numbers, each is compared with the nearest mode of the model
+    """
+    measured = np.asarray(table.frequencies, float)
+    places = (np.asarray(table.modes, int) - 1 if table.modes is not None else
+              np.abs(measured[:, None] - modes).argmin(axis=1) if len(modes) else
+              np.argsort(np.argsort(measured)))
+    known = (places >= 0) & (places < len(modes))
+    panels = [("frequency (Hz)", measured, table.sd, modes)]
+    if len(modes):
+        own = modes[places[known]]
+        panels.append(("measured − model (%)", 100 * (measured[known] / own - 1),
+                       100 * np.asarray(table.sd)[known] / own, np.zeros(len(modes))))
+    if table.damping is not None:
+        panels.append(("damping ratio", table.damping, table.sd_damping, damping))
+    figure = f.stacked([1.0] * len(panels), "mode", [title for title, *_ in panels],
+                       110 + 170 * len(panels))
+    for row, (title, values, sd, model) in enumerate(panels, 1):
+        at = places[known] if title.endswith("(%)") else places
+        own = np.unique(at[at < len(model)])
+        figure.add_scatter(x=own + 1, y=model[own], mode="markers", name="model", row=row, col=1,
+                           showlegend=row == 1, hovertemplate="%{y:.5g}<extra>model</extra>",
+                           marker=dict(symbol="line-ew", size=26, line=dict(
+                               color=f.colour("green"), width=2)))
+        bars = None if sd is None else dict(array=1.96 * np.asarray(sd), color=f.colour("ink"))
+        figure.add_scatter(x=at + 1, y=values, error_y=bars, mode="markers", row=row, col=1,
+                           name="measured, 95 %", showlegend=row == 1,
+                           hovertemplate="%{y:.5g}<extra>measured</extra>",
+                           marker=dict(color=f.colour("ink"), size=6))
+        if not title.endswith("(%)"):
+            figure.update_yaxes(rangemode="tozero", row=row)
+    figure.update_xaxes(dtick=1, range=[0.5, max(places.max(initial=0), 0) + 1.5])
     return figure

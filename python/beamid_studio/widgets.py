@@ -51,10 +51,12 @@ class NumberField:
     """A number of the case, entered in a unit of the user's choice."""
 
     def __init__(self, case: Callable[[], Case], place: Field, label: str, units: dict[str, str],
-                 changed: Callable[[], None], *, hint: str = "", sd: str = "") -> None:
+                 changed: Callable[[], None], *, hint: str = "", sd: str = "",
+                 chosen: dict[tuple[str, ...], str] | None = None) -> None:
         self.case, self.place, self.changed = case, place, changed
         self.units, self.sd, self.muted = units, sd, False
         self.factor = next(iter(units.values()), "1")
+        self.chosen = {} if chosen is None else chosen    #: units that the user has chosen
         with ui.element("div").classes("field"):
             self.input = ui.input(label or None, on_change=self.read).props(
                 f'outlined dense {"stack-label" if label else ""} debounce=250 inputmode=decimal '
@@ -65,8 +67,8 @@ class NumberField:
             self.select: ui.select | None = None
             with self.input.add_slot("append"):
                 if len(units) > 1:
-                    self.select = ui.select(list(units), value=next(iter(units)),
-                                            on_change=self.read).props(
+                    self.select = ui.select(list(units), value=self.chosen.get(
+                        (*place, sd), next(iter(units))), on_change=self.read).props(
                         "borderless dense options-dense hide-dropdown-icon aria-label='unit'")
                 elif units:
                     ui.label(next(iter(units))).classes("text-xs opacity-70")
@@ -79,14 +81,6 @@ class NumberField:
             keys = self.case().prior(self.sd)
             return keys.get("sd", [""])[0] if keys else ""
         return self.case().get(*self.place)
-
-    def use_units(self, units: dict[str, str]) -> None:
-        """Take other units to choose from."""
-        if self.select and list(self.select.options) != list(units):
-            self.muted = True
-            self.select.set_options(list(units), value=next(iter(units)))
-            self.muted = False
-            self.units = units
 
     def write(self) -> None:
         """Show the value of the case."""
@@ -102,6 +96,8 @@ class NumberField:
         if self.muted:
             return
         text = str(self.input.value or "").strip()
+        if self.select:
+            self.chosen[(*self.place, self.sd)] = self.select.value
         factor = self.units.get(self.select.value, "1") if self.select else self.factor
         value = number_text(text, factor) if text else ""
         self.tells.own = "" if value is not None else f"Found {text[:30]}, expected a number."
