@@ -4,6 +4,8 @@ from __future__ import annotations
 import html
 import io
 import os
+import re
+import textwrap
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -18,8 +20,8 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
-from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, numbers, optional,
-                       text_of)
+from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
+                       optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
@@ -29,90 +31,151 @@ ARRAYS = ("estimates", "J", "covariance", "correlation", "jacobian", "residual",
           "modes")
 TEXTS = ("names", "units", "note", "no_fit", "summary", "intervals", "tables")
 
+#: Lines of a verdict that only measure: the fit of a record, and a mode or a spectral line.
+_MEASURE = re.compile(r" |record \d+: \d+ (sample|line|mode)s?, ")
 
+
+@documented
 class Estimate(NamedTuple):
-    """A parameter as estimated. What the record does not determine has infinite or missing ends."""
+    """The estimate of a parameter, in its own unit.
+
+    If the records do not determine the parameter, its interval has infinite or missing (nan) ends.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Estimated value.
+    unit : str
+        Unit of the parameter, if the argument `units` names the units; otherwise empty.
+    start : float
+        Value from which the search started.
+    std_error : float
+        Standard error due to noise alone, if the noise is white. It is smaller than the total
+        error: do not compute intervals from it, but use `interval`.
+    noise_interval : tuple[float, float]
+        95 % interval due to noise alone, with its autocorrelation taken into account.
+    interval : tuple[float, float]
+        Total 95 % interval. It includes the noise, the discretization error and the errors of fixed
+        parameters that have a `prior`.
+    determined : bool
+        Whether the records determine the parameter. It is False if the interval is wider than the
+        value, or if the verdict says that no parameter counts as determined.
+    """
 
     name: str
-    """Name of the parameter."""
     value: float
-    """Estimate, in its unit."""
     unit: str
-    """Unit, if `units` names the units; otherwise empty."""
     start: float
-    """Start value."""
     std_error: float
-    """Standard error, by white noise."""
     noise_interval: tuple[float, float]
-    """95 % interval, by the noise as it is."""
     interval: tuple[float, float]
-    """95 % interval, by noise, mesh and the errors of fixed parameters."""
     determined: bool
-    """Whether the records determine the parameter."""
 
 
+@documented
 class Mode(NamedTuple):
-    """A natural mode of the fitted structure."""
+    """A natural mode of the fitted structure.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    s : complex
+        Root of the characteristic equation, the complex exponent of the motion e^(s t) [1/time].
+    frequency : float
+        Natural frequency, abs(s)/(2 π) [1/time].
+    damping_ratio : float
+        Damping ratio, -Re(s)/abs(s).
+    frequency_half_width : float
+        Half width of the 95 % interval of the frequency [1/time].
+    damping_half_width : float
+        Half width of the 95 % interval of the damping ratio.
+    """
 
     record: int
-    """Number of the record."""
     s: complex
-    """Root of the characteristic equation [1/time]."""
     frequency: float
-    """Natural frequency \\|s\\|/(2 π) [1/time]."""
     damping_ratio: float
-    """Damping ratio, -Re(s)/\\|s\\|."""
     frequency_half_width: float
-    """Half width of the 95 % interval of the frequency [1/time]."""
     damping_half_width: float
-    """Half width of the 95 % interval of the damping ratio."""
 
 
+@documented
 class FittedResponse(NamedTuple):
-    """A measured frequency response beside that of the fitted structure."""
+    """A measured frequency response beside that of the fitted structure.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    frequencies : ndarray
+        Frequencies of the lines that were used, shape (n,) [1/time].
+    measured : ndarray
+        Measured response per unit force, complex, shape (n,).
+    model : ndarray
+        Response of the fitted structure, complex, shape (n,).
+    residual : ndarray
+        Measured - model, complex, shape (n,).
+    band : ndarray
+        Ends of the 95 % interval of the magnitude of the model, shape (n, 2); nan: a
+        parameter is not determined.
+    sd : ndarray
+        Standard deviation of real and imaginary part, shape (n,); nan: estimated by the
+        fit.
+    coherence : ndarray
+        Coherence, shape (n,); nan: not known.
+    """
 
     record: int
-    """Number of the record."""
     frequencies: np.ndarray
-    """Frequencies of the lines that were used, shape (n,) [1/time]."""
     measured: np.ndarray
-    """Measured response per unit force, complex, shape (n,)."""
     model: np.ndarray
-    """Response of the fitted structure, complex, shape (n,)."""
     residual: np.ndarray
-    """Measured - model, complex, shape (n,)."""
     band: np.ndarray
-    """Ends of the 95 % interval of the magnitude of the model, shape (n, 2); nan: a parameter is
-    not determined."""
     sd: np.ndarray
-    """Standard deviation of real and imaginary part, shape (n,); nan: estimated by the fit."""
     coherence: np.ndarray
-    """Coherence, shape (n,); nan: not known."""
 
 
+@documented
 class FittedMode(NamedTuple):
-    """A measured mode beside that of the fitted structure; nan: not measured."""
+    """A measured mode beside that of the fitted structure; nan: not measured.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    mode : int
+        Number of the mode.
+    frequency : float
+        Measured natural frequency [1/time].
+    sd : float
+        Its standard deviation [1/time].
+    model_frequency : float
+        Natural frequency of the fitted structure [1/time].
+    residual : float
+        Measured frequency - that of the model [1/time].
+    damping_ratio : float
+        Measured damping ratio.
+    sd_damping : float
+        Its standard deviation.
+    model_damping_ratio : float
+        Damping ratio of the fitted structure.
+    damping_residual : float
+        Measured damping ratio - that of the model.
+    """
 
     record: int
-    """Number of the record."""
     mode: int
-    """Number of the mode."""
     frequency: float
-    """Measured natural frequency [1/time]."""
     sd: float
-    """Its standard deviation [1/time]."""
     model_frequency: float
-    """Natural frequency of the fitted structure [1/time]."""
     residual: float
-    """Measured frequency - that of the model [1/time]."""
     damping_ratio: float
-    """Measured damping ratio."""
     sd_damping: float
-    """Its standard deviation."""
     model_damping_ratio: float
-    """Damping ratio of the fitted structure."""
     damping_residual: float
-    """Measured damping ratio - that of the model."""
 
 
 class Fit:
@@ -339,8 +402,17 @@ class Fit:
 
     @property
     def verdict(self) -> str:
-        """The first line of the summary, or the reason why the verdict rejects the fit."""
-        return f"no fit: {self.no_fit}" if self.no_fit else self.summary().split("\n", 1)[0]
+        """The verdict on the fit, with which the summary begins, one statement per line: warnings,
+        the share of each record that the model explains, and the modes that the records show."""
+        # The summary is wrapped: continuation lines start with four blanks.
+        return re.sub(r" *\n {4,}", " ", self.summary().partition("\n\n")[0])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences of the verdict that call for attention, such as 'gamma, which the model leaves
+        out, is significant ...'; empty if there are none."""
+        return [line.strip() for line in self.verdict.splitlines()
+                if line.endswith(": unexplained") or not _MEASURE.match(line)]
 
     def summary(self) -> str:
         """Return the summary that the program prints for such a fit.
@@ -367,7 +439,7 @@ class Fit:
         Parameters
         ----------
         table : str
-            Name of a table without '.csv'. `tables` has all of them.
+            Name of a table, such as 'modes' or 'modes.csv'. `tables` has all of them.
 
         Raises
         ------
@@ -377,11 +449,7 @@ class Fit:
             If there is no such table.
         """
         pandas = optional("pandas", "to_pandas")
-        self._judge()
-        text = self._text(table + ".csv")
-        if not text:
-            raise KeyError(f"{table}: expected one of {', '.join(self._text('tables').split())}")
-        return pandas.read_csv(io.StringIO(text))
+        return pandas.read_csv(io.StringIO(table_of(self.tables, table)))
 
     def plot(self, record: int = 1, axes: Any = None) -> Any:
         """Draw record and model, and below them the residuals, record - model. Of a frequency
@@ -444,19 +512,22 @@ class Fit:
                 f"<td>{html.escape(e.unit)}</td>"
                 f"<td>{e.interval[0]:.6g} to {e.interval[1]:.6g}</td>"
                 f"<td>{'yes' if e.determined else 'no'}</td></tr>" for e in self.estimates.values()]
-        lines = [html.escape(line) for line in (self.note, self.verdict) if line]
-        return (f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-                f"<p>{'<br>'.join(lines)}</p>")
+        lines = "<br>".join(html.escape(line) for line in self._statements())
+        return (f"<p>{lines}</p>"
+                f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>")
+
+    def _statements(self) -> list[str]:
+        """Return the lines of the verdict, without those of the modes that the records show."""
+        return [line for line in self.verdict.splitlines()
+                if not (line.startswith(" ") and line.endswith(": seen"))]
 
     def __repr__(self) -> str:
-        lines = [f"{'':10s}{'estimate':>14s}{'95 % interval':>30s}"]
+        lines = [textwrap.fill(line, 100, subsequent_indent="    ") for line in self._statements()]
+        lines += ["", f"{'':10s}{'estimate':>14s}{'95 % interval':>30s}"]
         for e in self.estimates.values():
             ends = f"{e.interval[0]:.6g} .. {e.interval[1]:.6g}"
-            lines.append(f"{e.name:10s}{e.value:14.6g}{ends:>30s} {e.unit}")
-        if self.no_fit:
-            lines.insert(0, f"no fit: {self.no_fit}")
-        if self.note:
-            lines.insert(0, self.note)
+            lines.append(f"{e.name:10s}{e.value:14.6g}{ends:>30s} {e.unit}".rstrip()
+                         + ("" if e.determined else "  (not determined)"))
         return "\n".join(lines)
 
 

@@ -432,6 +432,57 @@ def test_pictures(fit, record):
     pyplot.close("all")
 
 
+def test_pictures_of_profiles(fit):
+    """The points of the profile; the parabola is 1 at the ends of the linear interval."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from matplotlib import pyplot
+    found = beamid.profile(fit)
+    assert len(found.plot()) == len(FREE)
+    panel, = found.plot("c_D")
+    drawn = {line.get_label(): line for line in panel.get_lines()}
+    assert (drawn["profile"].get_xdata() == found["c_D"].value).all()
+    np.testing.assert_allclose(drawn["profile"].get_ydata(), found["c_D"].distance**2)
+    x, y = drawn["linear theory"].get_data()
+    upper = found.interval("c_D", "linear").upper
+    assert np.interp(upper, x, y) == pytest.approx(1, abs=0.02)    # 200 points
+    assert panel.get_xlabel() == "c_D [lb s/ft^2]"
+    with pytest.raises(KeyError, match="guess: expected one of c_D"):
+        found.plot("guess")
+    pyplot.close("all")
+
+
+def test_printed_results_are_the_beginning_of_the_summary(fit):
+    """Warnings come first, and long summaries are cut."""
+    simulation = beamid.simulate(DATA / "table_4_1_truth.nml")
+    assert repr(simulation) == simulation.summary().strip()
+    coarse = beamid.simulate(np.arange(0, 2, 1/500), beam=dict(
+        length=0.5, width=0.03, height=0.002, density=7850, E=2.05e11, c_D=1e7),
+        sensor=dict(m_S=0.012, x_S=0.48), excitation=dict(kind="release", displacement=0.02))
+    assert repr(coarse).startswith("warning: mesh: ")
+    modes = beamid.modes(NOISY)
+    lines, rest = repr(modes).splitlines(), modes.summary().strip().splitlines()
+    assert lines[:-1] == rest[:14]
+    assert lines[-1] == f"... {len(rest) - 14} more lines in summary()"
+    assert repr(beamid.profile(fit)).startswith(("beamid: profile", "table_4_1_noisy: profile"))
+
+
+@pytest.mark.parametrize("name", [
+    "Estimate", "Mode", "FittedMode", "FittedResponse", "Interval", "Profile", "Profiles",
+    "Posterior", "Bootstrap", "Inference", "ComparedModel", "NestedPair", "DampingRatio",
+    "MemberStatistics", "Results", "Simulation", "FrequencyResponse", "Modes", "Design",
+    "Comparison", "Ensemble", "Response", "TrackedWindow"])
+def test_fields_of_results_are_documented(name):
+    """help() describes each field, and of a named tuple also at the field itself."""
+    result = getattr(beamid, name)
+    told = inspect.getdoc(result).partition("Attributes\n----------\n")[2]
+    fields = getattr(result, "_fields", None) or result.__annotations__
+    for field in fields:
+        if not field.startswith("_"):
+            assert f"\n{field} : " in "\n" + told, field
+        if hasattr(result, "_fields"):
+            assert "Alias" not in getattr(result, field).__doc__
+
+
 def test_packages_that_are_missing(fit, monkeypatch):
     """Which package is needed for what, and how to install it."""
     posterior = beamid.sample(NOISY, progress=None)
