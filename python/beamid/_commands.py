@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
-from ._fits import Fit, Problem
+from ._fits import Fit, Problem, changed_case, describe_arguments
 from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
                        table_of, text_of)
 
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     import pandas
 
 #: A case that is given as a whole.
-Case = Union[str, "PathLike[str]", Problem]
+Case = Union[str, "PathLike[str]", Problem, Fit]
+#: Groups that only a fit needs.
+OF_FITS = ("stage", "prior", "score", "multistart", "windows", "sample", "bootstrap")
 
 
 @dataclass(repr=False)
@@ -438,14 +440,14 @@ def _results(command: str, cases: Sequence[Handle], progress: Progress | None,
                 tables={name: text_of(found, name) for name in text_of(found, "tables").split()})
 
 
-def _opened(case: Case, fits: bool = False) -> Handle:
+def _opened(case: str | PathLike[str] | Problem) -> Handle:
     """Return the handle of a case file or a problem."""
     if isinstance(case, Problem):
         return case._handle
-    return open_case(os.fspath(case), "", [], fits=fits)
+    return open_case(os.fspath(case), "", [], fits=False)
 
 
-def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
+def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handle:
     """Return the handle of the case that the arguments of a command describe.
 
     Parameters
@@ -454,13 +456,18 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
         Name of the first argument, which may be the whole case, or the times of a record.
     arguments
         `locals()` at the beginning of the command.
+    fits
+        Whether the command needs the free parameters of a fit.
     """
     keys = given(arguments, "progress")
     case = keys.pop(first)
-    if isinstance(case, (Problem, str, PathLike)):
-        if any(value is not None for value in keys.values()):
-            raise TypeError("found arguments behind a case, expected none: it has its own")
-        return _opened(case)
+    if isinstance(case, (Fit, Problem, str, PathLike)):
+        changes = {name: value for name, value in keys.items() if value is not None}
+        if not changes and not isinstance(case, Fit):
+            return _opened(case)
+        left_out = OF_FITS if isinstance(case, Fit) and not fits else ()
+        path, text, held = changed_case(case, changes, grid=True, left_out=left_out)
+        return open_case(path, text, held, fits=False)
     record, records = keys.pop("record", None), keys.pop("records", None)
     stage = {name: keys.pop(name, None) for name in ("free", "start", "lower", "upper", "shared")}
     stages = keys.pop("stages", None)
@@ -476,6 +483,7 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
     return open_case(IN_MEMORY, text, held, fits=False)
 
 
+@describe_arguments
 def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
              tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
              support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,
@@ -493,8 +501,10 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem, optional
-        Sample times, ascending [time]; or, as the only argument, a case.
+    t : array_like, str, os.PathLike, Problem or Fit, optional
+        Sample times, ascending [time]; or a case; or a fit, whose estimates are then the values of
+        the case, on the mesh of the fit. The other arguments change the case, as in
+        ``simulate(fit, excitation=dict(kind="release", displacement=0.02))``.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time]. `scale` and
         `offset` are those of the sensor.
@@ -521,6 +531,7 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
     return found
 
 
+@describe_arguments
 def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, mass: Groups = None,
           hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
           gravity: Group = None, axial: Group = None, along: Groups = None,
@@ -537,8 +548,9 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``modes(fit, beam=dict(length=0.44))``.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -565,6 +577,7 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     return found
 
 
+@describe_arguments
 def frf(case: Case | None = None, *, record: Groups = None,
         records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
         start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -584,8 +597,9 @@ def frf(case: Case | None = None, *, record: Groups = None,
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``frf(fit, beam=dict(length=0.44))``.
     record : mapping
         Frequencies `f_first`, `f_last`, `f_step` [1/time], position of the force `x_F` [length],
         `quantity` ('accelerance', 'mobility' or 'receptance'), `exponential_window` [1/time],
@@ -618,6 +632,7 @@ def frf(case: Case | None = None, *, record: Groups = None,
     return found
 
 
+@describe_arguments
 def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
            stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
            hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
@@ -633,8 +648,9 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``design(fit, beam=dict(length=0.44))``.
     record : mapping or sequence of mappings
         Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time]; of a
         frequency response `kind="frf"`, `f_first`, `f_last`, `f_step` [1/time].
@@ -643,7 +659,7 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     stages : mapping or sequence of mappings, optional
         Keys of several stages, in place of `free`.
     noise : mapping
-        Noise of the record: `sd` [length/time²].
+        Noise of the record: `sd` [length/time²]. Default with a fit: the noise of its first record.
     design : mapping
         Lists of settings to choose from: `x_S`, `x_F` [length] or 'auto', `duration`, `t_last`
         [time], `f_last` [1/time] and so on; `target`, the relative standard error to reach.
@@ -661,7 +677,11 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     ComputationError
         If a response cannot be computed.
     """
-    found = Design(**_results("design", [_case_of("case", locals())], progress))
+    arguments = locals()
+    if isinstance(case, Fit) and noise is None:
+        quality = _plots.read(case.tables["quality.csv"])
+        arguments["noise"] = dict(sd=float(quality["noise_sd"][0]))
+    found = Design(**_results("design", [_case_of("case", arguments, fits=True)], progress))
     columns = _plots.read(found.tables["design.csv"])
     names = [name for name in ("x_S", "x_S_2", "x_F", "duration", "t_first", "t_last", "t_step",
                                "f_first", "f_last", "f_step", "samples") if name in columns]
@@ -735,12 +755,13 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
     return found
 
 
-def _label(number: int, case: Case) -> str:
+def _label(number: int, case: str | PathLike[str] | Problem) -> str:
     """Return the name of a model in the tables of a comparison."""
     path = case._path if isinstance(case, Problem) else os.fspath(case)
     return f"model {number}" if path == IN_MEMORY else Path(path).stem
 
 
+@describe_arguments
 def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
              records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -764,8 +785,9 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem, optional
-        Sample times of the records, ascending [time]; or, as the only argument, a case.
+    t : array_like, str, os.PathLike, Problem or Fit, optional
+        Sample times of the records, ascending [time]; or a case; or a fit, whose estimates are then
+        the values of the case. The other arguments change the case.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time].
     records : Record or sequence of Record, optional
@@ -790,7 +812,7 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
     ComputationError
         If every member fails.
     """
-    found = Ensemble(**_results("ensemble", [_case_of("t", locals())], progress))
+    found = Ensemble(**_results("ensemble", [_case_of("t", locals(), fits=True)], progress))
     found.statistics = [MemberStatistics(
         int(row["elements"]), row["parameter"], int(row["members"]),
         *(float(row[name] or "nan") for name in MemberStatistics._fields[3:]))

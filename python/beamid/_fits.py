@@ -2,17 +2,18 @@
 from __future__ import annotations
 
 import html
+import inspect
 import io
 import os
 import re
 import textwrap
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from ctypes import byref
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Union
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,12 +21,15 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
+from ._changes import (STAGE, change, change_all, read_groups, set_estimates,
+                       text_of_groups)
 from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
                        optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What a pickled fit consists of, beside its tables.
 ARRAYS = ("estimates", "J", "covariance", "correlation", "jacobian", "residual", "t", "measured",
           "modes")
@@ -537,17 +541,21 @@ class Problem:
     Each group of a case file is an argument: a dict of its keys, or a list of dicts for a group
     that may repeat. The page *Case file* of the documentation has all keys with their units and
     defaults. Units are the user's own, but must be consistent: stiffnesses are in force/length,
-    E in force/length² and so on.
+    E in force/length² and so on. The argument `units` names them, and enables the checks of units.
 
     A problem can be pickled: the arguments go with it. The record files of a case file are read
     again in the other process.
 
     Parameters
     ----------
-    t, a : array_like of shape (m,), optional
-        Times [time] and values of one record; see `Record`.
+    t : array_like of shape (m,), optional
+        Times of the samples of one record, ascending [time].
+    a : array_like of shape (m,), optional
+        Values of these samples; see `Record`.
     record : mapping, optional
-        Further arguments of `Record` for this record, such as ``dict(t_first=0.2)``.
+        Further arguments of `Record` for this record, such as ``dict(t_first=0.2, scale=9.81)``. In
+        place of `t` and `a`, `file` reads a text file, as in a case file: ``dict(file="record.csv",
+        time_column="t", value_column="a")``.
     records : Record, FrequencyRecord, ModalRecord or sequence of these, optional
         Records, in place of `t`, `a` and `record`. They may be of several kinds.
     free : str or sequence of str, optional
@@ -602,10 +610,15 @@ class Problem:
         Prior of a parameter: `parameter`, `value`, `sd`, in the unit of the parameter.
     score, multistart, windows : mapping, optional
         Window of the score, several starts, and fits in windows.
-    sample, bootstrap : mapping, optional
-        Settings of the functions `sample` and `bootstrap`, such as ``dict(draws=20000, seed=3)``.
+    sample : mapping, optional
+        Settings of the draws from the posterior: `draws`, `seed`, `method`, `noise`.
+    bootstrap : mapping, optional
+        Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     units : mapping, optional
-        Names of the units in texts and tables: `length`, `mass`, `time`, `force`.
+        Names of the units, `length`, `mass`, `time` and `force`, such as ``dict(length="m",
+        mass="kg", time="s", force="N")``. They appear in texts and tables. The names m, s, and kg
+        or N enable the checks of units: if a value that looks like GPa, mm or g contradicts the
+        record, a message says so.
     **other
         Any other group of a case file. A fit ignores the groups of other functions: `noise`,
         `design`, `track`, `ensemble` and `draw`.
@@ -629,13 +642,20 @@ class Problem:
                  units: Group = None, **other: Any) -> None:
         groups = given(locals(), "t", "a", "record", "records", "free", "start", "lower", "upper",
                        "shared", "stages")
-        items = records_of(t, a, record, records)
+        items = []
+        if t is None and a is None and records is None and isinstance(record, Mapping) \
+                and "file" in record:    # the library reads it
+            described: list[Mapping[str, Any]] = [
+                dict(record, file=os.path.abspath(record["file"]))]
+        else:
+            items = records_of(t, a, record, records)
+            described = [item.keys for item in items]
         stage = dict(free=free, start=start, lower=lower, upper=upper, shared=shared)
         if stages is None:
             stages = stage
         elif any(value is not None for value in stage.values()):
             raise InputError(f"found stages beside {', '.join(stage)}, expected one or the other")
-        text = case_text([item.keys for item in items], as_list(stages, "stages"), groups)
+        text = case_text(described, as_list(stages, "stages"), groups)
         self._set(IN_MEMORY, text, items)
 
     def _set(self, path: str, text: str | bytes, records: Sequence[AnyRecord]) -> None:
@@ -716,6 +736,71 @@ class Problem:
         return found
 
 
+def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str, Any], *,
+                 grid: bool = False, left_out: Sequence[str] = ()
+                 ) -> tuple[str, str, list[AnyRecord]]:
+    """Return path, text and records of a case with other values.
+
+    Parameters
+    ----------
+    case
+        Path of a case file, a problem, or a fit, whose estimates become values of the case.
+    changes
+        Arguments of the function that are given beside the case, by name.
+    grid
+        Whether `record` is a grid of times in place of the records.
+    left_out
+        Groups of the case that the function does not need.
+    """
+    problem = case._problem if isinstance(case, Fit) else case
+    records: list[AnyRecord] = []
+    if isinstance(problem, Problem):
+        path, source, records = problem._path, problem._text, list(problem._records)
+    else:
+        path, source = os.fspath(problem), ""
+    if not source:
+        try:
+            source = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from None
+    text = source if isinstance(source, str) else source.decode(errors="replace")
+    groups = [group for group in read_groups(text) if group[0] not in left_out]
+    if isinstance(case, Fit):
+        finest = int(case._text("estimates.csv").splitlines()[-1].split(",")[1])
+        set_estimates(groups, dict(zip(case.names, case.values.tolist())), finest)
+    changes = dict(changes)
+    if "a" in changes:
+        raise InputError("found values of a record beside a case, expected "
+                         "records=beamid.Record(t, a, ...)")
+    if "records" in changes:
+        records = records_of(None, None, None, changes.pop("records"))
+        change(groups, "record", [item.keys for item in records], replace=True)
+    elif grid and "record" in changes:
+        records = []
+    change_all(groups, changes, grid=grid)
+    return path, text_of_groups(groups), records
+
+
+def changed_problem(case: str | PathLike[str] | Problem, changes: Mapping[str, Any]) -> Problem:
+    """Return the problem of a case with other values; see `changed_case`."""
+    problem = Problem.__new__(Problem)
+    problem._set(*changed_case(case, changes))
+    return problem
+
+
+def describe_arguments(function: _Function) -> _Function:
+    """Add to the docstring of a function what that of `Problem` says about its arguments."""
+    told = inspect.getdoc(function) or ""
+    section = (inspect.getdoc(Problem) or "").partition("Parameters\n----------\n")[2]
+    entries = re.split(r"\n(?=\S)", section.partition("\n\n")[0])
+    names = set(inspect.signature(function).parameters)
+    more = [entry for entry in entries
+            if names & set(re.findall(r"\w+", entry.partition(" :")[0]))
+            and not re.search(rf"^{re.escape(entry.partition(' :')[0])} :", told, re.MULTILINE)]
+    function.__doc__ = "\n".join([told, "", "Other Parameters", "----------------", *more])
+    return function
+
+
 #: The first argument of a fit or an inference: times of a record, a case file, a problem or a fit.
 Subject = Union[ArrayLike, str, "PathLike[str]", Problem, Fit, None]
 
@@ -738,6 +823,7 @@ def load(path: str | PathLike[str]) -> Problem:
     return problem
 
 
+@describe_arguments
 def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
         records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
         start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -759,8 +845,11 @@ def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem
-        Times of a record [time]; or, as the only argument, the path of a case file or a `Problem`.
+    t : array_like, str, os.PathLike, Problem or Fit
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case: `fit(problem, free=["E", "m_S"])` frees other parameters,
+        `beam=dict(E=None, length=0.44)` removes one key and changes another, and a list of dicts
+        replaces all groups of that name.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -794,9 +883,12 @@ def fitted(arguments: dict[str, Any], progress: Progress | None) -> Fit:
     keys = given(arguments, "progress")
     if not isinstance(case, (Fit, Problem, str, PathLike)):
         return Problem(**keys).fit(progress=progress)
-    if any(value is not None for name, value in keys.items() if name != "t"):
-        kind = "a case file" if isinstance(case, (str, PathLike)) else f"a {type(case).__name__}"
-        raise TypeError(f"found arguments behind {kind}, expected none: it has its own")
+    changes = {name: value for name, value in keys.items() if value is not None and name != "t"}
     if isinstance(case, Fit):
-        return case
+        if not changes:
+            return case
+        start = None if {*STAGE, "stages"} & set(changes) else case._search[0]
+        return changed_problem(case._problem, changes).fit(start, progress=progress)
+    if changes:
+        return changed_problem(case, changes).fit(progress=progress)
     return (case if isinstance(case, Problem) else load(case)).fit(progress=progress)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from . import _plots
 from ._cases import AnyRecord, Group, Groups, Names
-from ._fits import Fit, Subject, fitted
-from ._library import Progress, beginning, documented, optional, table_of
+from ._fits import Fit, Subject, describe_arguments, fitted
+from ._library import InputError, Progress, beginning, documented, optional, table_of
 
 if TYPE_CHECKING:
     import arviz
@@ -318,6 +318,7 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
                      **known)
 
 
+@describe_arguments
 def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
             records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
             start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -341,8 +342,8 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 
@@ -359,9 +360,13 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     NoFit
         If the search ends, but does not explain the records.
     """
+    if "parameters" in other:
+        raise InputError("profile: found parameters, expected none: every free parameter gets a "
+                         "profile, and profile(fit)['E'] is that of E")
     return infer("profile", fitted(locals(), progress), progress)
 
 
+@describe_arguments
 def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
            records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
            start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -385,8 +390,8 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     sample : mapping, optional
         Settings of the draws: `draws`, `seed`, `method`, `noise`.
     progress : bool or callable, optional
@@ -408,6 +413,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     return infer("sample", fitted(locals(), progress), progress)
 
 
+@describe_arguments
 def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
               records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
               start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -430,8 +436,8 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = 
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     bootstrap : mapping, optional
         Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     progress : bool or callable, optional

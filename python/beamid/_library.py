@@ -110,7 +110,10 @@ def _message_buffer() -> ctypes.Array[c_char]:
 def _check(status: int, message: ctypes.Array[c_char]) -> None:
     """Raise the exception that a status other than 0 stands for."""
     if status:
-        raise (InputError if status == 2 else ComputationError)(message.value.decode())
+        # A case in memory has no lines, and the keys of its only stage are arguments.
+        text = re.sub(r"^beamid:(\d+:)? (&stage (?=\w+:))?", "", message.value.decode(),
+                      flags=re.MULTILINE)
+        raise (InputError if status == 2 else ComputationError)(text)
 
 
 def call(name: str, *arguments: Any) -> None:

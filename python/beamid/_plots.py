@@ -147,6 +147,8 @@ def profiles(drawn: Sequence[tuple[str, str, Any, float]], axes: Any) -> Any:
         panel.axhline(1, color="tab:red", linewidth=0.8, label="end of the 95 % interval")
         panel.set_xlabel(labelled(label, unit))
         panel.set_ylabel("relative rise of J")
+        panel.locator_params(axis="x", nbins=6)
+        panel.ticklabel_format(axis="x", useOffset=False)
         panel.set_ylim(0, 1.1*max(1, (distance**2).max(initial=0)))
     found[0].legend(loc="upper center", fontsize=8)
     return np.array(found)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._cases import IN_MEMORY, Group, Groups, Names, case_text, given, open_case
+from ._fits import describe_arguments
 from ._library import InputError, compute, numbers
 
 
@@ -37,6 +38,7 @@ class Response:
     derivatives: dict[str, np.ndarray]
 
 
+@describe_arguments
 def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: Group = None,
              mass: Groups = None, hose: Groups = None, sensor: Groups = None,
              support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,

@@ -682,8 +682,7 @@ def test_inference_takes_the_arguments_of_a_fit():
     assert best == pytest.approx(few.fit.values, rel=1e-12)
     with pytest.raises(beamid.InputError, match="draws"):
         beamid.sample(t, a, sample=dict(draws=-1), **keys)
-    with pytest.raises(TypeError, match="found arguments behind a case file"):
-        beamid.sample(NOISY, free=FREE)
+    assert beamid.sample(NOISY, free=FREE[1:], sample=dict(draws=400)).names == FREE[1:]
 
 
 def test_no_fit_has_no_intervals(record):
