@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from ._cases import GROUPS, as_list, unknown_group, written
@@ -30,6 +31,16 @@ PLACES = {
 _OF_RECORD = ("length", "x_S", "x_P", "offset")
 #: Arguments that are keys of the only stage.
 STAGE = ("free", "start", "lower", "upper", "shared")
+
+
+@contextmanager
+def without_lines(path: str) -> Iterator[None]:
+    """Leave the numbers of lines out of messages: a changed case has other lines than its file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(re.sub(rf"^{re.escape(path)}:\d+:", f"{path}, changed:", str(error),
+                                flags=re.MULTILINE)) from None
 
 
 def read_groups(text: str) -> list[TextGroup]:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
+from ._changes import without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments
 from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
                        table_of, text_of)
@@ -467,7 +468,8 @@ def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handl
             return _opened(case)
         left_out = OF_FITS if isinstance(case, Fit) and not fits else ()
         path, text, held = changed_case(case, changes, grid=True, left_out=left_out)
-        return open_case(path, text, held, fits=False)
+        with without_lines(path):
+            return open_case(path, text, held, fits=False)
     record, records = keys.pop("record", None), keys.pop("records", None)
     stage = {name: keys.pop(name, None) for name in ("free", "start", "lower", "upper", "shared")}
     stages = keys.pop("stages", None)

@@ -22,7 +22,7 @@ from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
 from ._changes import (STAGE, change, change_all, read_groups, set_estimates,
-                       text_of_groups)
+                       text_of_groups, without_lines)
 from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
                        optional, table_of, text_of)
 
@@ -751,6 +751,13 @@ def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str
         Whether `record` is a grid of times in place of the records.
     left_out
         Groups of the case that the function does not need.
+
+    Raises
+    ------
+    InputError
+        If the case file cannot be read, or a change does not go with the case.
+    NoFit
+        If the verdict rejects the fit.
     """
     problem = case._problem if isinstance(case, Fit) else case
     records: list[AnyRecord] = []
@@ -766,7 +773,9 @@ def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str
     text = source if isinstance(source, str) else source.decode(errors="replace")
     groups = [group for group in read_groups(text) if group[0] not in left_out]
     if isinstance(case, Fit):
-        finest = int(case._text("estimates.csv").splitlines()[-1].split(",")[1])
+        if case.no_fit:
+            raise NoFit(case.no_fit, case)
+        finest = int(case.tables["estimates.csv"].splitlines()[-1].split(",")[1])
         set_estimates(groups, dict(zip(case.names, case.values.tolist())), finest)
     changes = dict(changes)
     if "a" in changes:
@@ -784,7 +793,9 @@ def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str
 def changed_problem(case: str | PathLike[str] | Problem, changes: Mapping[str, Any]) -> Problem:
     """Return the problem of a case with other values; see `changed_case`."""
     problem = Problem.__new__(Problem)
-    problem._set(*changed_case(case, changes))
+    path, text, records = changed_case(case, changes)
+    with without_lines(path):
+        problem._set(path, text, records)
     return problem
 
 

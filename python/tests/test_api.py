@@ -660,6 +660,10 @@ def test_arguments_change_a_case(fit, record):
     masses = [dict(x=1, m=0.1, name="a"), dict(x=2, m=0.1, name="b")]
     with pytest.raises(beamid.InputError, match="the case has 2 groups &mass"):
         beamid.modes(beamid.Problem(*record, free="E", **MODEL, mass=masses), mass=dict(m=0.2))
+    with pytest.raises(beamid.InputError, match=r"noisy\.nml, changed: &beam E: found -1"):
+        beamid.modes(NOISY, beam=dict(E=-1))
+    with pytest.raises(beamid.InputError, match=r"noisy\.nml, changed: &stage free: found 'q'"):
+        beamid.fit(NOISY, free="q")
     with pytest.raises(beamid.InputError, match=r"nowhere\.nml: No such file"):
         beamid.modes("nowhere.nml", beam=dict(length=1))
 
@@ -680,6 +684,10 @@ def test_commands_take_a_fit(fit):
     other = beamid.design(record=grid, free=FREE, noise=noise, design=dict(x_S=[2, 4]), **fitted,
                           **NAMES)
     assert plan.tables["design.csv"] == other.tables["design.csv"]
+    reverse = fit.measured[::-1].copy()
+    rejected = beamid.Problem(fit.t, reverse, free="c_D", **MODEL).fit(judge=False)
+    with pytest.raises(beamid.NoFit, match="the model explains"):
+        beamid.modes(rejected)
     noise = dict(sd=float(columns(fit.tables["quality.csv"])["noise_sd"][0]))
     assert (beamid.design(fit, record=grid, design=dict(x_S=[2, 4])).std_errors["m_H"]
             == beamid.design(fit, record=grid, noise=noise, design=dict(x_S=[2, 4])
