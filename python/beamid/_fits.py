@@ -772,6 +772,9 @@ def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str
             raise InputError(f"{path}: {error.strerror}") from None
     text = source if isinstance(source, str) else source.decode(errors="replace")
     groups = [group for group in read_groups(text) if group[0] not in left_out]
+    if not groups:
+        raise InputError(f"{path}: found no group of a case file; a record is read by "
+                         f"record=dict(file={path!r})")
     if isinstance(case, Fit):
         if case.no_fit:
             raise NoFit(case.no_fit, case)

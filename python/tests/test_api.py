@@ -734,6 +734,8 @@ def test_a_record_from_a_file(record, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     problem = beamid.Problem(record=dict(file="phone.csv", time_column="seconds", value_column="g"),
                              free=FREE, **MODEL)
+    with pytest.raises(beamid.InputError, match=r"is read by record=dict\(file='phone.csv'\)"):
+        beamid.fit("phone.csv", free=FREE, **MODEL)
     monkeypatch.chdir("/")
     found = pickle.loads(pickle.dumps(problem)).fit(judge=False)
     assert (found.measured == record[1]).all() and (found.t == record[0]).all()

@@ -316,7 +316,7 @@ def test_no_fit_is_raised_with_its_evidence(record):
 
 
 @pytest.mark.parametrize("change, message", [
-    (dict(free=["c_D", "m_Q"]), r"&stage free: found 'm_Q', expected one of"),
+    (dict(free=["c_D", "m_Q"]), r"^free: found 'm_Q', expected one of"),
     (dict(beam=dict(MODEL["beam"], E=-1)), r"&beam E: found -1, expected a value above 0"),
     (dict(beam=dict(MODEL["beam"], EE=1)), r"&beam EE: .*perhaps E"),
     (dict(beam=4), r"beam: found 4, expected its keys"),
