@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
-from ._changes import without_lines
+from ._changes import read_groups, without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments
 from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
                        table_of, text_of)
@@ -661,7 +661,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     stages : mapping or sequence of mappings, optional
         Keys of several stages, in place of `free`.
     noise : mapping
-        Noise of the record: `sd` [length/time²]. Default with a fit: the noise of its first record.
+        Noise of the record: `sd` [length/time²]. Default with a fit: that of its case, or else
+        the noise that it has found in its first record.
     design : mapping
         Lists of settings to choose from: `x_S`, `x_F` [length] or 'auto', `duration`, `t_last`
         [time], `f_last` [1/time] and so on; `target`, the relative standard error to reach.
@@ -680,7 +681,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
         If a response cannot be computed.
     """
     arguments = locals()
-    if isinstance(case, Fit) and noise is None:
+    if isinstance(case, Fit) and noise is None and not any(
+            name == "noise" for name, _ in read_groups(changed_case(case, {})[1])):
         quality = _plots.read(case.tables["quality.csv"])
         arguments["noise"] = dict(sd=float(quality["noise_sd"][0]))
     found = Design(**_results("design", [_case_of("case", arguments, fits=True)], progress))

@@ -689,6 +689,10 @@ def test_commands_take_a_fit(fit):
     with pytest.raises(beamid.NoFit, match="the model explains"):
         beamid.modes(rejected)
     noise = dict(sd=float(columns(fit.tables["quality.csv"])["noise_sd"][0]))
+    known = beamid.Problem(fit.t, fit.measured, free=FREE, noise=dict(sd=0.1), **MODEL).fit()
+    other = beamid.design(fit, record=grid, noise=dict(sd=0.1), design=dict(x_S=[2, 4]))
+    plan = beamid.design(known, record=grid, design=dict(x_S=[2, 4]))
+    np.testing.assert_allclose(plan.D, other.D)
     assert (beamid.design(fit, record=grid, design=dict(x_S=[2, 4])).std_errors["m_H"]
             == beamid.design(fit, record=grid, noise=noise, design=dict(x_S=[2, 4])
                              ).std_errors["m_H"]).all()
