@@ -1,6 +1,7 @@
 """Arguments as the text of a case file: the library reads and checks nothing else."""
 from __future__ import annotations
 
+import inspect
 import tempfile
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,6 +17,13 @@ from ._library import Handle, InputError, compute, groups as known_groups, numbe
 #: Groups of a case file that are given by their name. Asked for at once, as a forked child may not
 #: be able to ask.
 GROUPS = [name for name in known_groups() if name not in ("record", "stage")]
+
+#: Frequent keys of groups, for messages.
+KEYS = {
+    "beam": "length E c_D rho density I width height gamma k_R c_R", "tip": "m_T J_T",
+    "sensor": "x_S m_S J_S", "support": "x_P k_P c_P", "hose": "x_H m_H c_H k_H",
+    "excitation": "kind amplitude duration displacement force modes x_F", "gravity": "g direction",
+    "discretization": "degree elements", "sample": "draws", "noise": "seed"}
 
 #: Name of a case in messages that has no file.
 IN_MEMORY = "beamid"
@@ -38,7 +46,8 @@ class Record:
         Values of the samples. The acceleration [length/time²] is ``scale*(a - offset)``. Masked
         samples are left out.
     t_first, t_last : float, optional
-        Times of the first and the last sample that a fit uses [time]. Default: all samples.
+        Times of the first and the last sample that a fit uses [time]. Default: all samples. With
+        ``excitation=dict(kind="free")``, a quiet stretch before the motion is left out by default.
     t_step : float, optional
         Time step of the samples that a fit uses [time]. Default: every sample.
     scale : float, optional
@@ -292,7 +301,7 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
     text = ""
     for name, keys in groups.items():
         if name not in GROUPS:
-            raise InputError(f"found {name}, expected one of {', '.join(GROUPS)}")
+            raise unknown_group(name)
         if keys is None:
             continue
         several: Iterable[Any] = keys
@@ -301,6 +310,15 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
         text += "".join(group(name, item) for item in several)
     text += "".join(group("record", keys) for keys in records)
     return text + "".join(group("stage", keys) for keys in stages)
+
+
+def unknown_group(name: str) -> InputError:
+    """Return the error for an argument that no group has, with the place of a key of that name."""
+    keys_of_record = " ".join(inspect.signature(Record.__init__).parameters)
+    for group, keys in {**KEYS, "record": keys_of_record}.items():
+        if name in keys.split():
+            return InputError(f"found {name}, which belongs into {group}=dict({name}=...)")
+    return InputError(f"found {name}, expected one of {', '.join(GROUPS)}")
 
 
 def open_case(path: str, text: str | bytes, records: Sequence[AnyRecord], *,
@@ -368,7 +386,8 @@ def records_of(t: Any, a: Any, record: Any, records: Any) -> list[AnyRecord]:
     for item in items:
         if not isinstance(item, (Record, TableRecord)):
             raise InputError(f"records: found {item!r}, expected beamid.Record(t, a, ...), "
-                             "FrequencyRecord(...) or ModalRecord(...)")
+                             "FrequencyRecord(...) or ModalRecord(...); one file is read by "
+                             "record=dict(file=...)")
     return items
 
 

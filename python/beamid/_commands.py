@@ -17,24 +17,38 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
-from ._fits import Fit, Problem
-from ._library import Handle, InputError, Progress, compute, optional, text_of
+from ._changes import read_groups, without_lines
+from ._fits import Fit, Problem, changed_case, describe_arguments
+from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
+                       table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
 
 #: A case that is given as a whole.
-Case = Union[str, "PathLike[str]", Problem]
+Case = Union[str, "PathLike[str]", Problem, Fit]
+#: Groups that only a fit needs.
+OF_FITS = ("stage", "prior", "score", "multistart", "windows", "sample", "bootstrap")
 
 
-@dataclass
+@dataclass(repr=False)
 class Results:
-    """Results of a command: its summary and its tables."""
+    """Results of a command: its summary and its tables.
 
-    text: str = field(repr=False)
-    tables: dict[str, str] = field(repr=False)
-    """Tables that the program writes, by the name of the file."""
+    Attributes
+    ----------
+    text : str
+        Summary that the program prints, as `summary()` returns it.
+    tables : dict[str, str]
+        Tables that the program writes, as CSV text by the name of the file.
+    """
+
+    text: str
+    tables: dict[str, str]
     _table: ClassVar[str] = ""    #: name of the main table
+
+    def __repr__(self) -> str:
+        return beginning(self.text)
 
     def summary(self) -> str:
         """Return the summary that the program prints."""
@@ -46,8 +60,8 @@ class Results:
         Parameters
         ----------
         table : str, optional
-            Name of a table without '.csv'. Default: the main table, that of the response, modes,
-            experiments, models or members.
+            Name of a table, such as 'modes' or 'modes.csv'. Default: the main table, that of the
+            response, modes, experiments, models or members.
 
         Raises
         ------
@@ -58,9 +72,7 @@ class Results:
         """
         pandas = optional("pandas", "to_pandas")
         name = self._table if table is None else table
-        if name + ".csv" not in self.tables:
-            raise KeyError(f"{name}: expected one of {', '.join(self.tables)}")
-        return pandas.read_csv(io.StringIO(self.tables[name + ".csv"]))
+        return pandas.read_csv(io.StringIO(table_of(self.tables, name)))
 
     def _rows(self, table: str) -> list[dict[str, str]]:
         return list(csv.DictReader(io.StringIO(self.tables[table])))
@@ -72,38 +84,59 @@ class Results:
         return {name: values[chosen] for name, values in columns.items()}
 
 
-@dataclass
+@dataclass(repr=False)
 class Simulation(Results):
-    """A simulated record, and the response that it comes from, on the finest mesh."""
+    """A simulated record, and the response that it comes from, on the finest mesh.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    t : ndarray
+        Sample times, shape (m,) [time].
+    record : ndarray
+        Values of the record with noise, shape (m,), in the unit of the sensor.
+    acceleration : ndarray
+        Acceleration without noise, shape (m,) [length/time²].
+    displacement : ndarray
+        Displacement at the sensor, shape (m,) [length].
+    velocity : ndarray
+        Velocity at the sensor, shape (m,) [length/time].
+    force : ndarray
+        Force of the excitation, shape (m,) [force].
+    """
 
     _table: ClassVar[str] = "response"
     t: np.ndarray = field(default_factory=lambda: np.empty(0))
-    """Sample times, shape (m,) [time]."""
-    record: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Values of the record with noise, shape (m,), in the unit of the sensor."""
-    acceleration: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Acceleration without noise, shape (m,) [length/time²]."""
-    displacement: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Displacement at the sensor, shape (m,) [length]."""
-    velocity: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Velocity at the sensor, shape (m,) [length/time]."""
-    force: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Force of the excitation, shape (m,) [force]."""
+    record: np.ndarray = field(default_factory=lambda: np.empty(0))
+    acceleration: np.ndarray = field(default_factory=lambda: np.empty(0))
+    displacement: np.ndarray = field(default_factory=lambda: np.empty(0))
+    velocity: np.ndarray = field(default_factory=lambda: np.empty(0))
+    force: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass
+@dataclass(repr=False)
 class FrequencyResponse(Results):
-    """The frequency response function of a structure, on the finest mesh."""
+    """The frequency response function of a structure, on the finest mesh.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    frequencies : ndarray
+        Frequencies, shape (n,) [1/time].
+    h : ndarray
+        Response per unit force with the convention e^(+iωt), complex, shape (n,):
+        acceleration, velocity or displacement per force, by `quantity` of the record.
+    band : ndarray | None
+        Ends of the 95 % interval of the magnitude, shape (n, 2); NaN where an estimate is
+        not determined. None if the case describes no fit.
+    """
 
     _table: ClassVar[str] = "frf"
     frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
-    """Frequencies, shape (n,) [1/time]."""
-    h: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Response per unit force with the convention e^(+iωt), complex, shape (n,): acceleration,
-    velocity or displacement per force, by `quantity` of the record."""
-    band: np.ndarray | None = field(default=None, repr=False)
-    """Ends of the 95 % interval of the magnitude, shape (n, 2); NaN where an estimate is not
-    determined. None if the case describes no fit."""
+    h: np.ndarray = field(default_factory=lambda: np.empty(0))
+    band: np.ndarray | None = None
 
     def plot(self, axes: Any = None) -> Any:
         """Draw magnitude and phase, with the 95 % band if the structure is fitted.
@@ -127,21 +160,32 @@ class FrequencyResponse(Results):
                                "FrequencyResponse.plot")
 
 
-@dataclass
+@dataclass(repr=False)
 class Modes(Results):
-    """Natural modes of a structure, on the finest mesh."""
+    """Natural modes of a structure, on the finest mesh.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    s : ndarray
+        Roots of the characteristic equation, shape (modes,) [1/time].
+    frequencies : ndarray
+        Natural frequencies abs(s)/(2 π), shape (modes,) [1/time].
+    damping_ratios : ndarray
+        Damping ratios, shape (modes,).
+    x : ndarray
+        Positions of the mode shapes along the beam, shape (points,) [length].
+    shapes : ndarray
+        Mode shapes of the lowest modes that oscillate, complex, shape (shapes, points).
+    """
 
     _table: ClassVar[str] = "modes"
-    s: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Roots of the characteristic equation, shape (modes,) [1/time]."""
+    s: np.ndarray = field(default_factory=lambda: np.empty(0))
     frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
-    """Natural frequencies \\|s\\|/(2 π), shape (modes,) [1/time]."""
-    damping_ratios: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Damping ratios, shape (modes,)."""
-    x: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Positions of the mode shapes along the beam, shape (points,) [length]."""
-    shapes: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
-    """Mode shapes of the lowest modes that oscillate, complex, shape (shapes, points)."""
+    damping_ratios: np.ndarray = field(default_factory=lambda: np.empty(0))
+    x: np.ndarray = field(default_factory=lambda: np.empty(0))
+    shapes: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the mode shapes.
@@ -168,91 +212,149 @@ class Modes(Results):
                              self.tables.get("attachments.csv", ""), "", modes, axes)
 
 
-@dataclass
+@dataclass(repr=False)
 class Design(Results):
-    """Predicted errors of candidate experiments."""
+    """Predicted errors of candidate experiments.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    settings : list[dict[str, float]]
+        Settings of each experiment: `x_S`, `x_F` [length], `duration`, `t_first`, `t_last`,
+        `t_step` [time], or for a frequency response `f_first`, `f_last`, `f_step` [1/time];
+        `samples`. Experiment 0 is the present one.
+    std_errors : dict[str, ndarray]
+        Standard errors by parameter, in its unit, shape (experiments,); nan: not
+        determined.
+    D : ndarray
+        Logarithm of the determinant of the information matrix, shape (experiments,); the larger
+        the better.
+    A : ndarray
+        Sum of the relative variances of the estimates, shape (experiments,); the smaller the
+        better.
+    E : ndarray
+        Least eigenvalue of the information matrix, shape (experiments,); the larger the better.
+    """
 
     _table: ClassVar[str] = "design"
-    settings: list[dict[str, float]] = field(default_factory=list, repr=False)
-    """Settings of each experiment: `x_S`, `x_F` [length], `duration`, `t_first`, `t_last`,
-    `t_step` [time], or for a frequency response `f_first`, `f_last`, `f_step` [1/time]; `samples`.
-    Experiment 0 is the present one."""
-    std_errors: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    """Standard errors by parameter, in its unit, shape (experiments,); nan: not determined."""
-    D: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Logarithm of the determinant of the information matrix, shape (experiments,)."""
-    A: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Sum of the relative variances, shape (experiments,)."""
-    E: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Least eigenvalue of the information matrix, shape (experiments,)."""
+    settings: list[dict[str, float]] = field(default_factory=list)
+    std_errors: dict[str, np.ndarray] = field(default_factory=dict)
+    D: np.ndarray = field(default_factory=lambda: np.empty(0))
+    A: np.ndarray = field(default_factory=lambda: np.empty(0))
+    E: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+@documented
 class ComparedModel(NamedTuple):
-    """A model of a comparison."""
+    """A model of a comparison.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    elements : int
+        Number of elements of its mesh.
+    parameters : int
+        Number of estimated parameters.
+    J : float
+        Sum of squared residuals.
+    aicc : float
+        Akaike's criterion with the correction for small samples; the smaller the better.
+    bic : float
+        Bayesian information criterion; the smaller the better.
+    """
 
     model: str
-    """Name of the model."""
     elements: int
-    """Number of elements of its mesh."""
     parameters: int
-    """Number of estimated parameters."""
     J: float
-    """Sum of squared residuals."""
     aicc: float
-    """Akaike's criterion with the correction for small samples; the smaller the better."""
     bic: float
-    """Bayesian information criterion; the smaller the better."""
 
 
+@documented
 class NestedPair(NamedTuple):
-    """Test of a model against a special case of it."""
+    """Test of a model against a special case of it.
+
+    Attributes
+    ----------
+    restricted : str
+        Name of the special case.
+    full : str
+        Name of the model that contains it.
+    restrictions : int
+        Number of parameters that only the full model estimates.
+    U : float
+        Test statistic, chi-square distributed if the restricted model is true.
+    probability : float
+        Probability of a larger U if the restricted model is true.
+    """
 
     restricted: str
-    """Name of the special case."""
     full: str
-    """Name of the model that contains it."""
     restrictions: int
-    """Number of parameters that only the full model estimates."""
     U: float
-    """Test statistic, chi-square distributed if the restricted model is true."""
     probability: float
-    """Probability of a larger U if the restricted model is true."""
 
 
+@documented
 class DampingRatio(NamedTuple):
-    """A mode of a model in a comparison of damping mechanisms; nan: not measured."""
+    """A mode of a model in a comparison of damping mechanisms; nan: not measured.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    record : int
+        Number of the record whose structure has the mode.
+    mode : int
+        Number of the mode.
+    frequency : float
+        Natural frequency of the model [1/time].
+    damping_ratio : float
+        Damping ratio of the model.
+    measured_frequency : float
+        Natural frequency that the record shows by itself [1/time].
+    measured_damping : float
+        Damping ratio that the record shows by itself.
+    lower95 : float
+        Lower end of its 95 % interval.
+    upper95 : float
+        Upper end of its 95 % interval.
+    """
 
     model: str
-    """Name of the model."""
     record: int
-    """Number of the record whose structure has the mode."""
     mode: int
-    """Number of the mode."""
     frequency: float
-    """Natural frequency of the model [1/time]."""
     damping_ratio: float
-    """Damping ratio of the model."""
     measured_frequency: float
-    """Natural frequency that the record shows by itself [1/time]."""
     measured_damping: float
-    """Damping ratio that the record shows by itself."""
     lower95: float
-    """Lower end of its 95 % interval."""
     upper95: float
-    """Upper end of its 95 % interval."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Comparison(Results):
-    """Several models of the same records."""
+    """Several models of the same records.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    models : list[ComparedModel]
+        The models, in the order of the arguments.
+    nested : list[NestedPair]
+        Tests of all pairs of which one model is a special case of the other.
+    damping : list[DampingRatio]
+        Modes of each model, if damping mechanisms are compared.
+    """
 
     _table: ClassVar[str] = "models"
     models: list[ComparedModel] = field(default_factory=list)
-    """The models, in the order of the arguments."""
     nested: list[NestedPair] = field(default_factory=list)
-    """Tests of all pairs of which one model is a special case of the other."""
     damping: list[DampingRatio] = field(default_factory=list)
-    """Modes of each model, if damping mechanisms are compared."""
 
     @property
     def best(self) -> ComparedModel:
@@ -260,42 +362,66 @@ class Comparison(Results):
         return min(self.models, key=lambda model: model.aicc)
 
 
+@documented
 class MemberStatistics(NamedTuple):
-    """Statistics of a parameter over the members of an ensemble; nan: not known."""
+    """Statistics of a parameter over the members of an ensemble; nan: not known.
+
+    Attributes
+    ----------
+    elements : int
+        Number of elements of the mesh.
+    parameter : str
+        Name of the parameter.
+    members : int
+        Number of members with an estimate of the parameter.
+    mean : float
+        Mean of the estimates.
+    sd : float
+        Standard deviation of the estimates.
+    mean_std_error : float
+        Mean of the standard errors that the fits state.
+    bias : float
+        Mean of estimate - true value.
+    bias_error : float
+        Standard error of the bias.
+    covered : float
+        Share of the 95 % intervals that contain the true value.
+    covered_error : float
+        Standard error of this share.
+    """
 
     elements: int
-    """Number of elements of the mesh."""
     parameter: str
-    """Name of the parameter."""
     members: int
-    """Number of members with an estimate of the parameter."""
     mean: float
-    """Mean of the estimates."""
     sd: float
-    """Standard deviation of the estimates."""
     mean_std_error: float
-    """Mean of the standard errors that the fits state."""
     bias: float
-    """Mean of estimate - true value."""
     bias_error: float
-    """Standard error of the bias."""
     covered: float
-    """Share of the 95 % intervals that contain the true value."""
     covered_error: float
-    """Standard error of this share."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Ensemble(Results):
-    """A command on many records."""
+    """A command on many records.
+
+    `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Attributes
+    ----------
+    statistics : list[MemberStatistics]
+        Statistics of each parameter on each mesh.
+    estimates : dict[str, ndarray]
+        Estimates by parameter on the finest mesh, shape (members,); nan: the member failed.
+    failures : dict[int, str]
+        Messages of the members that failed, by their numbers, from 1.
+    """
 
     _table: ClassVar[str] = "members"
     statistics: list[MemberStatistics] = field(default_factory=list)
-    """Statistics of each parameter on each mesh."""
-    estimates: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    """Estimates by parameter on the finest mesh, shape (members,); nan: the member failed."""
-    failures: dict[int, str] = field(default_factory=dict, repr=False)
-    """Messages of the members that failed, by their numbers, from 1."""
+    estimates: dict[str, np.ndarray] = field(default_factory=dict)
+    failures: dict[int, str] = field(default_factory=dict)
 
 
 def _run(command: str, cases: Sequence[Handle], labels: str, progress: Progress | None) -> Handle:
@@ -315,14 +441,14 @@ def _results(command: str, cases: Sequence[Handle], progress: Progress | None,
                 tables={name: text_of(found, name) for name in text_of(found, "tables").split()})
 
 
-def _opened(case: Case, fits: bool = False) -> Handle:
+def _opened(case: str | PathLike[str] | Problem) -> Handle:
     """Return the handle of a case file or a problem."""
     if isinstance(case, Problem):
         return case._handle
-    return open_case(os.fspath(case), "", [], fits=fits)
+    return open_case(os.fspath(case), "", [], fits=False)
 
 
-def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
+def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handle:
     """Return the handle of the case that the arguments of a command describe.
 
     Parameters
@@ -331,13 +457,19 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
         Name of the first argument, which may be the whole case, or the times of a record.
     arguments
         `locals()` at the beginning of the command.
+    fits
+        Whether the command needs the free parameters of a fit.
     """
     keys = given(arguments, "progress")
     case = keys.pop(first)
-    if isinstance(case, (Problem, str, PathLike)):
-        if any(value is not None for value in keys.values()):
-            raise TypeError("found arguments behind a case, expected none: it has its own")
-        return _opened(case)
+    if isinstance(case, (Fit, Problem, str, PathLike)):
+        changes = {name: value for name, value in keys.items() if value is not None}
+        if not changes and not isinstance(case, Fit):
+            return _opened(case)
+        left_out = OF_FITS if isinstance(case, Fit) and not fits else ()
+        path, text, held = changed_case(case, changes, grid=True, left_out=left_out)
+        with without_lines(path):
+            return open_case(path, text, held, fits=False)
     record, records = keys.pop("record", None), keys.pop("records", None)
     stage = {name: keys.pop(name, None) for name in ("free", "start", "lower", "upper", "shared")}
     stages = keys.pop("stages", None)
@@ -353,6 +485,7 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
     return open_case(IN_MEMORY, text, held, fits=False)
 
 
+@describe_arguments
 def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
              tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
              support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,
@@ -370,8 +503,10 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem, optional
-        Sample times, ascending [time]; or, as the only argument, a case.
+    t : array_like, str, os.PathLike, Problem or Fit, optional
+        Sample times, ascending [time]; or a case; or a fit, whose estimates are then the values of
+        the case, on the mesh of the fit. The other arguments change the case, as in
+        ``simulate(fit, excitation=dict(kind="release", displacement=0.02))``.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time]. `scale` and
         `offset` are those of the sensor.
@@ -398,6 +533,7 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
     return found
 
 
+@describe_arguments
 def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, mass: Groups = None,
           hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
           gravity: Group = None, axial: Group = None, along: Groups = None,
@@ -414,8 +550,9 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``modes(fit, beam=dict(length=0.44))``.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -442,6 +579,7 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     return found
 
 
+@describe_arguments
 def frf(case: Case | None = None, *, record: Groups = None,
         records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
         start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -461,8 +599,9 @@ def frf(case: Case | None = None, *, record: Groups = None,
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``frf(fit, beam=dict(length=0.44))``.
     record : mapping
         Frequencies `f_first`, `f_last`, `f_step` [1/time], position of the force `x_F` [length],
         `quantity` ('accelerance', 'mobility' or 'receptance'), `exponential_window` [1/time],
@@ -495,6 +634,7 @@ def frf(case: Case | None = None, *, record: Groups = None,
     return found
 
 
+@describe_arguments
 def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
            stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
            hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
@@ -510,8 +650,9 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
 
     Parameters
     ----------
-    case : str, os.PathLike or Problem, optional
-        A case, as the only argument.
+    case : str, os.PathLike, Problem or Fit, optional
+        A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
+        The other arguments change the case, as in ``design(fit, beam=dict(length=0.44))``.
     record : mapping or sequence of mappings
         Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time]; of a
         frequency response `kind="frf"`, `f_first`, `f_last`, `f_step` [1/time].
@@ -520,7 +661,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     stages : mapping or sequence of mappings, optional
         Keys of several stages, in place of `free`.
     noise : mapping
-        Noise of the record: `sd` [length/time²].
+        Noise of the record: `sd` [length/time²]. Default with a fit: that of its case, or else
+        the noise that it has found in its first record.
     design : mapping
         Lists of settings to choose from: `x_S`, `x_F` [length] or 'auto', `duration`, `t_last`
         [time], `f_last` [1/time] and so on; `target`, the relative standard error to reach.
@@ -538,7 +680,12 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     ComputationError
         If a response cannot be computed.
     """
-    found = Design(**_results("design", [_case_of("case", locals())], progress))
+    arguments = locals()
+    if isinstance(case, Fit) and noise is None and not any(
+            name == "noise" for name, _ in read_groups(changed_case(case, {})[1])):
+        quality = _plots.read(case.tables["quality.csv"])
+        arguments["noise"] = dict(sd=float(quality["noise_sd"][0]))
+    found = Design(**_results("design", [_case_of("case", arguments, fits=True)], progress))
     columns = _plots.read(found.tables["design.csv"])
     names = [name for name in ("x_S", "x_S_2", "x_F", "duration", "t_first", "t_last", "t_step",
                                "f_first", "f_last", "f_step", "samples") if name in columns]
@@ -612,12 +759,13 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
     return found
 
 
-def _label(number: int, case: Case) -> str:
+def _label(number: int, case: str | PathLike[str] | Problem) -> str:
     """Return the name of a model in the tables of a comparison."""
     path = case._path if isinstance(case, Problem) else os.fspath(case)
     return f"model {number}" if path == IN_MEMORY else Path(path).stem
 
 
+@describe_arguments
 def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
              records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -641,8 +789,9 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem, optional
-        Sample times of the records, ascending [time]; or, as the only argument, a case.
+    t : array_like, str, os.PathLike, Problem or Fit, optional
+        Sample times of the records, ascending [time]; or a case; or a fit, whose estimates are then
+        the values of the case. The other arguments change the case.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time].
     records : Record or sequence of Record, optional
@@ -667,7 +816,7 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
     ComputationError
         If every member fails.
     """
-    found = Ensemble(**_results("ensemble", [_case_of("t", locals())], progress))
+    found = Ensemble(**_results("ensemble", [_case_of("t", locals(), fits=True)], progress))
     found.statistics = [MemberStatistics(
         int(row["elements"]), row["parameter"], int(row["members"]),
         *(float(row[name] or "nan") for name in MemberStatistics._fields[3:]))

@@ -2,15 +2,18 @@
 from __future__ import annotations
 
 import html
+import inspect
 import io
 import os
+import re
+import textwrap
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from ctypes import byref
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Union
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,101 +21,165 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
-from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, numbers, optional,
-                       text_of)
+from ._changes import (STAGE, change, change_all, read_groups, set_estimates,
+                       text_of_groups, without_lines)
+from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
+                       optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What a pickled fit consists of, beside its tables.
 ARRAYS = ("estimates", "J", "covariance", "correlation", "jacobian", "residual", "t", "measured",
           "modes")
 TEXTS = ("names", "units", "note", "no_fit", "summary", "intervals", "tables")
 
+#: Lines of a verdict that only measure: the fit of a record, and a mode or a spectral line.
+_MEASURE = re.compile(r" |record \d+: \d+ (sample|line|mode)s?, ")
 
+
+@documented
 class Estimate(NamedTuple):
-    """A parameter as estimated. What the record does not determine has infinite or missing ends."""
+    """The estimate of a parameter, in its own unit.
+
+    If the records do not determine the parameter, its interval has infinite or missing (nan) ends.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Estimated value.
+    unit : str
+        Unit of the parameter, if the argument `units` names the units; otherwise empty.
+    start : float
+        Value from which the search started.
+    std_error : float
+        Standard error due to noise alone, if the noise is white. It is smaller than the total
+        error: do not compute intervals from it, but use `interval`.
+    noise_interval : tuple[float, float]
+        95 % interval due to noise alone, with its autocorrelation taken into account.
+    interval : tuple[float, float]
+        Total 95 % interval. It includes the noise, the discretization error and the errors of fixed
+        parameters that have a `prior`.
+    determined : bool
+        Whether the records determine the parameter. It is False if the interval is wider than the
+        value, or if the verdict says that no parameter counts as determined.
+    """
 
     name: str
-    """Name of the parameter."""
     value: float
-    """Estimate, in its unit."""
     unit: str
-    """Unit, if `units` names the units; otherwise empty."""
     start: float
-    """Start value."""
     std_error: float
-    """Standard error, by white noise."""
     noise_interval: tuple[float, float]
-    """95 % interval, by the noise as it is."""
     interval: tuple[float, float]
-    """95 % interval, by noise, mesh and the errors of fixed parameters."""
     determined: bool
-    """Whether the records determine the parameter."""
 
 
+@documented
 class Mode(NamedTuple):
-    """A natural mode of the fitted structure."""
+    """A natural mode of the fitted structure.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    s : complex
+        Root of the characteristic equation, the complex exponent of the motion e^(s t) [1/time].
+    frequency : float
+        Natural frequency, abs(s)/(2 π) [1/time].
+    damping_ratio : float
+        Damping ratio, -Re(s)/abs(s).
+    frequency_half_width : float
+        Half width of the 95 % interval of the frequency [1/time].
+    damping_half_width : float
+        Half width of the 95 % interval of the damping ratio.
+    """
 
     record: int
-    """Number of the record."""
     s: complex
-    """Root of the characteristic equation [1/time]."""
     frequency: float
-    """Natural frequency \\|s\\|/(2 π) [1/time]."""
     damping_ratio: float
-    """Damping ratio, -Re(s)/\\|s\\|."""
     frequency_half_width: float
-    """Half width of the 95 % interval of the frequency [1/time]."""
     damping_half_width: float
-    """Half width of the 95 % interval of the damping ratio."""
 
 
+@documented
 class FittedResponse(NamedTuple):
-    """A measured frequency response beside that of the fitted structure."""
+    """A measured frequency response beside that of the fitted structure.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    frequencies : ndarray
+        Frequencies of the lines that were used, shape (n,) [1/time].
+    measured : ndarray
+        Measured response per unit force, complex, shape (n,).
+    model : ndarray
+        Response of the fitted structure, complex, shape (n,).
+    residual : ndarray
+        Measured - model, complex, shape (n,).
+    band : ndarray
+        Ends of the 95 % interval of the magnitude of the model, shape (n, 2); nan: a
+        parameter is not determined.
+    sd : ndarray
+        Standard deviation of real and imaginary part, shape (n,); nan: estimated by the
+        fit.
+    coherence : ndarray
+        Coherence, shape (n,); nan: not known.
+    """
 
     record: int
-    """Number of the record."""
     frequencies: np.ndarray
-    """Frequencies of the lines that were used, shape (n,) [1/time]."""
     measured: np.ndarray
-    """Measured response per unit force, complex, shape (n,)."""
     model: np.ndarray
-    """Response of the fitted structure, complex, shape (n,)."""
     residual: np.ndarray
-    """Measured - model, complex, shape (n,)."""
     band: np.ndarray
-    """Ends of the 95 % interval of the magnitude of the model, shape (n, 2); nan: a parameter is
-    not determined."""
     sd: np.ndarray
-    """Standard deviation of real and imaginary part, shape (n,); nan: estimated by the fit."""
     coherence: np.ndarray
-    """Coherence, shape (n,); nan: not known."""
 
 
+@documented
 class FittedMode(NamedTuple):
-    """A measured mode beside that of the fitted structure; nan: not measured."""
+    """A measured mode beside that of the fitted structure; nan: not measured.
+
+    Attributes
+    ----------
+    record : int
+        Number of the record.
+    mode : int
+        Number of the mode.
+    frequency : float
+        Measured natural frequency [1/time].
+    sd : float
+        Its standard deviation [1/time].
+    model_frequency : float
+        Natural frequency of the fitted structure [1/time].
+    residual : float
+        Measured frequency - that of the model [1/time].
+    damping_ratio : float
+        Measured damping ratio.
+    sd_damping : float
+        Its standard deviation.
+    model_damping_ratio : float
+        Damping ratio of the fitted structure.
+    damping_residual : float
+        Measured damping ratio - that of the model.
+    """
 
     record: int
-    """Number of the record."""
     mode: int
-    """Number of the mode."""
     frequency: float
-    """Measured natural frequency [1/time]."""
     sd: float
-    """Its standard deviation [1/time]."""
     model_frequency: float
-    """Natural frequency of the fitted structure [1/time]."""
     residual: float
-    """Measured frequency - that of the model [1/time]."""
     damping_ratio: float
-    """Measured damping ratio."""
     sd_damping: float
-    """Its standard deviation."""
     model_damping_ratio: float
-    """Damping ratio of the fitted structure."""
     damping_residual: float
-    """Measured damping ratio - that of the model."""
 
 
 class Fit:
@@ -339,8 +406,17 @@ class Fit:
 
     @property
     def verdict(self) -> str:
-        """The first line of the summary, or the reason why the verdict rejects the fit."""
-        return f"no fit: {self.no_fit}" if self.no_fit else self.summary().split("\n", 1)[0]
+        """The verdict on the fit, with which the summary begins, one statement per line: warnings,
+        the share of each record that the model explains, and the modes that the records show."""
+        # The summary is wrapped: continuation lines start with four blanks.
+        return re.sub(r" *\n {4,}", " ", self.summary().partition("\n\n")[0])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences of the verdict that call for attention, such as 'gamma, which the model leaves
+        out, is significant ...'; empty if there are none."""
+        return [line.strip() for line in self.verdict.splitlines()
+                if line.endswith(": unexplained") or not _MEASURE.match(line)]
 
     def summary(self) -> str:
         """Return the summary that the program prints for such a fit.
@@ -367,7 +443,7 @@ class Fit:
         Parameters
         ----------
         table : str
-            Name of a table without '.csv'. `tables` has all of them.
+            Name of a table, such as 'modes' or 'modes.csv'. `tables` has all of them.
 
         Raises
         ------
@@ -377,11 +453,7 @@ class Fit:
             If there is no such table.
         """
         pandas = optional("pandas", "to_pandas")
-        self._judge()
-        text = self._text(table + ".csv")
-        if not text:
-            raise KeyError(f"{table}: expected one of {', '.join(self._text('tables').split())}")
-        return pandas.read_csv(io.StringIO(text))
+        return pandas.read_csv(io.StringIO(table_of(self.tables, table)))
 
     def plot(self, record: int = 1, axes: Any = None) -> Any:
         """Draw record and model, and below them the residuals, record - model. Of a frequency
@@ -444,19 +516,22 @@ class Fit:
                 f"<td>{html.escape(e.unit)}</td>"
                 f"<td>{e.interval[0]:.6g} to {e.interval[1]:.6g}</td>"
                 f"<td>{'yes' if e.determined else 'no'}</td></tr>" for e in self.estimates.values()]
-        lines = [html.escape(line) for line in (self.note, self.verdict) if line]
-        return (f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-                f"<p>{'<br>'.join(lines)}</p>")
+        lines = "<br>".join(html.escape(line) for line in self._statements())
+        return (f"<p>{lines}</p>"
+                f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>")
+
+    def _statements(self) -> list[str]:
+        """Return the lines of the verdict, without those of the modes that the records show."""
+        return [line for line in self.verdict.splitlines()
+                if not (line.startswith(" ") and line.endswith(": seen"))]
 
     def __repr__(self) -> str:
-        lines = [f"{'':10s}{'estimate':>14s}{'95 % interval':>30s}"]
+        lines = [textwrap.fill(line, 100, subsequent_indent="    ") for line in self._statements()]
+        lines += ["", f"{'':10s}{'estimate':>14s}{'95 % interval':>30s}"]
         for e in self.estimates.values():
             ends = f"{e.interval[0]:.6g} .. {e.interval[1]:.6g}"
-            lines.append(f"{e.name:10s}{e.value:14.6g}{ends:>30s} {e.unit}")
-        if self.no_fit:
-            lines.insert(0, f"no fit: {self.no_fit}")
-        if self.note:
-            lines.insert(0, self.note)
+            lines.append(f"{e.name:10s}{e.value:14.6g}{ends:>30s} {e.unit}".rstrip()
+                         + ("" if e.determined else "  (not determined)"))
         return "\n".join(lines)
 
 
@@ -466,17 +541,21 @@ class Problem:
     Each group of a case file is an argument: a dict of its keys, or a list of dicts for a group
     that may repeat. The page *Case file* of the documentation has all keys with their units and
     defaults. Units are the user's own, but must be consistent: stiffnesses are in force/length,
-    E in force/length² and so on.
+    E in force/length² and so on. The argument `units` names them, and enables the checks of units.
 
     A problem can be pickled: the arguments go with it. The record files of a case file are read
     again in the other process.
 
     Parameters
     ----------
-    t, a : array_like of shape (m,), optional
-        Times [time] and values of one record; see `Record`.
+    t : array_like of shape (m,), optional
+        Times of the samples of one record, ascending [time].
+    a : array_like of shape (m,), optional
+        Values of these samples; see `Record`.
     record : mapping, optional
-        Further arguments of `Record` for this record, such as ``dict(t_first=0.2)``.
+        Further arguments of `Record` for this record, such as ``dict(t_first=0.2, scale=9.81)``. In
+        place of `t` and `a`, `file` reads a text file, as in a case file: ``dict(file="record.csv",
+        time_column="t", value_column="a")``.
     records : Record, FrequencyRecord, ModalRecord or sequence of these, optional
         Records, in place of `t`, `a` and `record`. They may be of several kinds.
     free : str or sequence of str, optional
@@ -531,10 +610,15 @@ class Problem:
         Prior of a parameter: `parameter`, `value`, `sd`, in the unit of the parameter.
     score, multistart, windows : mapping, optional
         Window of the score, several starts, and fits in windows.
-    sample, bootstrap : mapping, optional
-        Settings of the functions `sample` and `bootstrap`, such as ``dict(draws=20000, seed=3)``.
+    sample : mapping, optional
+        Settings of the draws from the posterior: `draws`, `seed`, `method`, `noise`.
+    bootstrap : mapping, optional
+        Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     units : mapping, optional
-        Names of the units in texts and tables: `length`, `mass`, `time`, `force`.
+        Names of the units, `length`, `mass`, `time` and `force`, such as ``dict(length="m",
+        mass="kg", time="s", force="N")``. They appear in texts and tables. The names m, s, and kg
+        or N enable the checks of units: if a value that looks like GPa, mm or g contradicts the
+        record, a message says so.
     **other
         Any other group of a case file. A fit ignores the groups of other functions: `noise`,
         `design`, `track`, `ensemble` and `draw`.
@@ -558,13 +642,20 @@ class Problem:
                  units: Group = None, **other: Any) -> None:
         groups = given(locals(), "t", "a", "record", "records", "free", "start", "lower", "upper",
                        "shared", "stages")
-        items = records_of(t, a, record, records)
+        items = []
+        if t is None and a is None and records is None and isinstance(record, Mapping) \
+                and "file" in record:    # the library reads it
+            described: list[Mapping[str, Any]] = [
+                dict(record, file=os.path.abspath(record["file"]))]
+        else:
+            items = records_of(t, a, record, records)
+            described = [item.keys for item in items]
         stage = dict(free=free, start=start, lower=lower, upper=upper, shared=shared)
         if stages is None:
             stages = stage
         elif any(value is not None for value in stage.values()):
             raise InputError(f"found stages beside {', '.join(stage)}, expected one or the other")
-        text = case_text([item.keys for item in items], as_list(stages, "stages"), groups)
+        text = case_text(described, as_list(stages, "stages"), groups)
         self._set(IN_MEMORY, text, items)
 
     def _set(self, path: str, text: str | bytes, records: Sequence[AnyRecord]) -> None:
@@ -645,6 +736,85 @@ class Problem:
         return found
 
 
+def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str, Any], *,
+                 grid: bool = False, left_out: Sequence[str] = ()
+                 ) -> tuple[str, str, list[AnyRecord]]:
+    """Return path, text and records of a case with other values.
+
+    Parameters
+    ----------
+    case
+        Path of a case file, a problem, or a fit, whose estimates become values of the case.
+    changes
+        Arguments of the function that are given beside the case, by name.
+    grid
+        Whether `record` is a grid of times in place of the records.
+    left_out
+        Groups of the case that the function does not need.
+
+    Raises
+    ------
+    InputError
+        If the case file cannot be read, or a change does not go with the case.
+    NoFit
+        If the verdict rejects the fit.
+    """
+    problem = case._problem if isinstance(case, Fit) else case
+    records: list[AnyRecord] = []
+    if isinstance(problem, Problem):
+        path, source, records = problem._path, problem._text, list(problem._records)
+    else:
+        path, source = os.fspath(problem), ""
+    if not source:
+        try:
+            source = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from None
+    text = source if isinstance(source, str) else source.decode(errors="replace")
+    groups = [group for group in read_groups(text) if group[0] not in left_out]
+    if not groups:
+        raise InputError(f"{path}: found no group of a case file; a record is read by "
+                         f"record=dict(file={path!r})")
+    if isinstance(case, Fit):
+        if case.no_fit:
+            raise NoFit(case.no_fit, case)
+        finest = int(case.tables["estimates.csv"].splitlines()[-1].split(",")[1])
+        set_estimates(groups, dict(zip(case.names, case.values.tolist())), finest)
+    changes = dict(changes)
+    if "a" in changes:
+        raise InputError("found values of a record beside a case, expected "
+                         "records=beamid.Record(t, a, ...)")
+    if "records" in changes:
+        records = records_of(None, None, None, changes.pop("records"))
+        change(groups, "record", [item.keys for item in records], replace=True)
+    elif grid and "record" in changes:
+        records = []
+    change_all(groups, changes, grid=grid)
+    return path, text_of_groups(groups), records
+
+
+def changed_problem(case: str | PathLike[str] | Problem, changes: Mapping[str, Any]) -> Problem:
+    """Return the problem of a case with other values; see `changed_case`."""
+    problem = Problem.__new__(Problem)
+    path, text, records = changed_case(case, changes)
+    with without_lines(path):
+        problem._set(path, text, records)
+    return problem
+
+
+def describe_arguments(function: _Function) -> _Function:
+    """Add to the docstring of a function what that of `Problem` says about its arguments."""
+    told = inspect.getdoc(function) or ""
+    section = (inspect.getdoc(Problem) or "").partition("Parameters\n----------\n")[2]
+    entries = re.split(r"\n(?=\S)", section.partition("\n\n")[0])
+    names = set(inspect.signature(function).parameters)
+    more = [entry for entry in entries
+            if names & set(re.findall(r"\w+", entry.partition(" :")[0]))
+            and not re.search(rf"^{re.escape(entry.partition(' :')[0])} :", told, re.MULTILINE)]
+    function.__doc__ = "\n".join([told, "", "Other Parameters", "----------------", *more])
+    return function
+
+
 #: The first argument of a fit or an inference: times of a record, a case file, a problem or a fit.
 Subject = Union[ArrayLike, str, "PathLike[str]", Problem, Fit, None]
 
@@ -667,6 +837,7 @@ def load(path: str | PathLike[str]) -> Problem:
     return problem
 
 
+@describe_arguments
 def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
         records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
         start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -688,8 +859,11 @@ def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
 
     Parameters
     ----------
-    t : array_like, str, os.PathLike or Problem
-        Times of a record [time]; or, as the only argument, the path of a case file or a `Problem`.
+    t : array_like, str, os.PathLike, Problem or Fit
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case: `fit(problem, free=["E", "m_S"])` frees other parameters,
+        `beam=dict(E=None, length=0.44)` removes one key and changes another, and a list of dicts
+        replaces all groups of that name.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -723,9 +897,12 @@ def fitted(arguments: dict[str, Any], progress: Progress | None) -> Fit:
     keys = given(arguments, "progress")
     if not isinstance(case, (Fit, Problem, str, PathLike)):
         return Problem(**keys).fit(progress=progress)
-    if any(value is not None for name, value in keys.items() if name != "t"):
-        kind = "a case file" if isinstance(case, (str, PathLike)) else f"a {type(case).__name__}"
-        raise TypeError(f"found arguments behind {kind}, expected none: it has its own")
+    changes = {name: value for name, value in keys.items() if value is not None and name != "t"}
     if isinstance(case, Fit):
-        return case
+        if not changes:
+            return case
+        start = None if {*STAGE, "stages"} & set(changes) else case._search[0]
+        return changed_problem(case._problem, changes).fit(start, progress=progress)
+    if changes:
+        return changed_problem(case, changes).fit(progress=progress)
     return (case if isinstance(case, Problem) else load(case)).fit(progress=progress)

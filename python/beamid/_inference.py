@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import _plots
 from ._cases import AnyRecord, Group, Groups, Names
-from ._fits import Fit, Subject, fitted
-from ._library import Progress, optional
+from ._fits import Fit, Subject, describe_arguments, fitted
+from ._library import InputError, Progress, beginning, documented, optional, table_of
 
 if TYPE_CHECKING:
     import arviz
@@ -20,57 +21,103 @@ if TYPE_CHECKING:
 CHAINS = 4
 
 
+@documented
 class Interval(NamedTuple):
-    """A 95 % interval of a parameter, in its unit."""
+    """A 95 % interval of a parameter, in its unit.
+
+    Attributes
+    ----------
+    method : str
+        'linear' (linear theory), 'profile', 'posterior', 'percentile' or 'bca' (both from the
+        bootstrap).
+    elements : int
+        Number of elements of the mesh.
+    parameter : str
+        Name of the parameter.
+    unit : str
+        Unit of the parameter; empty without the argument `units`.
+    estimate : float
+        Estimate by the fit.
+    lower : float
+        Lower end of the interval; -inf or inf: there is no end.
+    upper : float
+        Upper end of the interval.
+    lower_end : str
+        Kind of the lower end. 'closed': the interval ends there. 'bound': it ends at a bound of the
+        parameter. 'unbounded': the records do not limit the parameter on this side. 'unknown': a
+        fit failed before the end was found.
+    upper_end : str
+        Kind of the upper end, by the same words.
+    """
 
     method: str
-    """'linear', 'profile', 'posterior', 'percentile' or 'bca'."""
     elements: int
-    """Number of elements of the mesh."""
     parameter: str
-    """Name of the parameter."""
     unit: str
-    """Unit of the parameter."""
     estimate: float
-    """Estimate."""
     lower: float
-    """Lower end of the interval."""
     upper: float
-    """Upper end of the interval."""
     lower_end: str
-    """Kind of the lower end: 'closed', 'bound', 'unbounded' or 'unknown'."""
     upper_end: str
-    """Kind of the upper end."""
 
 
+@documented
 class Profile(NamedTuple):
-    """The least sum of squares at each value of a parameter."""
+    """The profile of J along one parameter: the least sum of squares at each of its values, with
+    all other parameters fitted again.
+
+    Attributes
+    ----------
+    value : ndarray
+        Values of the parameter, ascending, shape (points,), in its unit. For a stiffness such as
+        `k_R`, values of its reciprocal 1/k_R.
+    J : ndarray
+        Least sum of squares at each value, shape (points,).
+    distance : ndarray
+        Signed square root of the rise of J, relative to its rise at the ends of the 95 % interval,
+        shape (points,): 0 at the estimate, -1 at the lower end, 1 at the upper end. A straight line
+        over `value` means that linear theory holds.
+    parameters : ndarray
+        Values of all parameters at each value, shape (points, n), in the order of `names` of the
+        `Profiles`.
+    ends : tuple[str, str]
+        Kinds of the lower and the upper end: 'closed', 'bound', 'unbounded' or 'unknown', as in
+        `Interval`.
+    """
 
     value: np.ndarray
-    """Values of the parameter, ascending, shape (points,); of a stiffness `k_R` those of 1/k_R."""
     J: np.ndarray
-    """Least sum of squares at each value, shape (points,)."""
     distance: np.ndarray
-    """0 at the estimate, -1 and 1 at the ends of the interval, shape (points,)."""
     parameters: np.ndarray
-    """Values of all parameters there, shape (points, n)."""
     ends: tuple[str, str]
-    """Kinds of the lower and the upper end, as in `Interval`."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Inference:
-    """Results of `profile`, `sample` or `bootstrap`, on the finest mesh."""
+    """Results of `profile`, `sample` or `bootstrap`, on the finest mesh.
 
-    fit: Fit = field(repr=False)
-    """The fit that it starts from."""
+    Attributes
+    ----------
+    fit : Fit
+        The fit that the computation starts from.
+    names : list[str]
+        Names of the n variables of the search; for a stiffness such as `k_R` it is '1/k_R'.
+    intervals : list[Interval]
+        Intervals by all methods that have been applied to this fit, on all meshes.
+    text : str
+        Summary that the program prints, as `summary()` returns it.
+    tables : dict[str, str]
+        Tables that the program writes, as CSV text by the name of the file.
+    """
+
+    fit: Fit
     names: list[str]
-    """Names of the n variables of the search: for a stiffness `k_R`, '1/k_R'."""
     intervals: list[Interval]
-    """Intervals by all methods that this fit knows, on all meshes."""
-    text: str = field(repr=False)
-    tables: dict[str, str] = field(repr=False)
-    """Tables that the program writes, by the name of the file."""
+    text: str
+    tables: dict[str, str]
+
+    def __repr__(self) -> str:
+        return beginning(self.text)
 
     def summary(self) -> str:
         """Return the summary that the program prints."""
@@ -102,30 +149,78 @@ class Inference:
             If there is no such table.
         """
         pandas = optional("pandas", "to_pandas")
-        if table + ".csv" not in self.tables:
-            raise KeyError(f"{table}: expected one of {', '.join(self.tables)}")
-        return pandas.read_csv(io.StringIO(self.tables[table + ".csv"]))
+        return pandas.read_csv(io.StringIO(table_of(self.tables, table)))
 
 
-@dataclass
+@dataclass(repr=False)
 class Profiles(Inference):
-    """Profiles by parameter: ``profiles["c_D"].value`` and ``.J``."""
+    """Profiles of J by parameter: ``profiles["c_D"].value`` and ``profiles["c_D"].J``.
 
-    profiles: dict[str, Profile] = field(default_factory=dict, repr=False)
+    `interval`, `intervals`, `names`, `fit`, `tables`, `summary` and `to_pandas` are those of
+    `Inference`.
 
-    def __getitem__(self, name: str) -> Profile:
-        return self.profiles[name]
-
-
-@dataclass
-class Posterior(Profiles):
-    """Draws from the posterior, which is flat between the bounds and has the noise integrated out.
+    Attributes
+    ----------
+    profiles : dict[str, Profile]
+        The profile of each parameter, by its name.
     """
 
-    draws: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Draws of the variables of the search, shape (chains, draws, n)."""
-    log_density: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Log density of each draw, shape (chains, draws), up to a constant."""
+    profiles: dict[str, Profile] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Profile:
+        if name not in self.profiles:
+            raise KeyError(f"{name}: expected one of {', '.join(self.profiles)}")
+        return self.profiles[name]
+
+    def plot(self, parameters: Names | None = None, axes: Any = None) -> Any:
+        """Draw the profile of each parameter: the rise of J, relative to its rise at the end of the
+        95 % interval, and the parabola of linear theory. A stiffness is drawn as its reciprocal.
+
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names of the parameters. Default: all of them.
+        axes : sequence of matplotlib axes, optional
+            Where to draw, one axes for each parameter. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of Axes of shape (parameters,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        KeyError
+            If a parameter has no profile.
+        """
+        names = list(self.profiles) if parameters is None else parameters
+        names = [names] if isinstance(names, str) else list(names)
+        drawn: list[tuple[str, str, Profile, float]] = []
+        for name in names:
+            profile, linear = self[name], self.interval(name, "linear")
+            if "1/" + name in self.names:
+                drawn.append(("1/" + name, "", profile, np.nan))
+            else:
+                half_width = (linear.upper - linear.lower)/2
+                drawn.append((name, linear.unit, profile, half_width))
+        return _plots.profiles(drawn, axes)
+
+
+@dataclass(repr=False)
+class Posterior(Profiles):
+    """Draws from the posterior, which is flat between the bounds and has the noise integrated out.
+
+    Attributes
+    ----------
+    draws : ndarray
+        Draws of the variables of the search, shape (chains, draws, n).
+    log_density : ndarray
+        Log density of each draw, shape (chains, draws), up to a constant.
+    """
+
+    draws: np.ndarray = field(default_factory=lambda: np.empty(0))
+    log_density: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def values(self, name: str) -> np.ndarray:
         """Return the draws of one parameter by its own name, shape (chains, draws). For a stiffness
@@ -150,12 +245,17 @@ class Posterior(Profiles):
         return arviz.from_dict(**groups)
 
 
-@dataclass
+@dataclass(repr=False)
 class Bootstrap(Inference):
-    """Estimates from resampled records."""
+    """Estimates from resampled records.
 
-    estimates: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """Estimates, shape (records, n). Records that could not be fitted are left out."""
+    Attributes
+    ----------
+    estimates : ndarray
+        Estimates, shape (records, n). Records that could not be fitted are left out.
+    """
+
+    estimates: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def _columns(text: str, elements: int, where: int, first: int) -> tuple[list[str], np.ndarray]:
@@ -218,6 +318,7 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
                      **known)
 
 
+@describe_arguments
 def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
             records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
             start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -241,8 +342,8 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 
@@ -259,9 +360,13 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     NoFit
         If the search ends, but does not explain the records.
     """
+    if "parameters" in other:
+        raise InputError("profile: found parameters, expected none: every free parameter gets a "
+                         "profile, and profile(fit)['E'] is that of E")
     return infer("profile", fitted(locals(), progress), progress)
 
 
+@describe_arguments
 def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
            records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
            start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -285,8 +390,8 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     sample : mapping, optional
         Settings of the draws: `draws`, `seed`, `method`, `noise`.
     progress : bool or callable, optional
@@ -308,6 +413,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     return infer("sample", fitted(locals(), progress), progress)
 
 
+@describe_arguments
 def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
               records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
               start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
@@ -330,8 +436,8 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = 
     Parameters
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
-        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
-        a `Fit`.
+        Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
+        arguments then change the case, as in `fit`, and a changed case is fitted again.
     bootstrap : mapping, optional
         Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     progress : bool or callable, optional

@@ -4,13 +4,15 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import importlib
+import re
 import signal
 import sys
 import threading
 import weakref
+from collections.abc import Mapping
 from ctypes import CFUNCTYPE, POINTER, byref, c_char, c_char_p, c_int, c_longlong, c_void_p
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Union
+from typing import TYPE_CHECKING, Any, Callable, TypeVar, Union
 
 import numpy as np
 
@@ -44,6 +46,7 @@ class NoFit(ComputationError):
         return type(self), (str(self), self.fit)
 
 
+_Result = TypeVar("_Result", bound=type)
 _CALLBACK = CFUNCTYPE(c_int, c_int, c_int, POINTER(c_char), c_int)
 
 
@@ -107,7 +110,10 @@ def _message_buffer() -> ctypes.Array[c_char]:
 def _check(status: int, message: ctypes.Array[c_char]) -> None:
     """Raise the exception that a status other than 0 stands for."""
     if status:
-        raise (InputError if status == 2 else ComputationError)(message.value.decode())
+        # A case in memory has no lines, and the keys of its only stage are arguments.
+        text = re.sub(r"^beamid:(\d+:)? (&stage (?=\w+:))?", "", message.value.decode(),
+                      flags=re.MULTILINE)
+        raise (InputError if status == 2 else ComputationError)(text)
 
 
 def call(name: str, *arguments: Any) -> None:
@@ -299,6 +305,32 @@ def optional(module: str, what: str) -> Any:
         package = module.partition(".")[0]
         raise ImportError(f"found no {package}, expected it for {what}: pip install {package}"
                           ) from None
+
+
+def table_of(tables: Mapping[str, str], name: str) -> str:
+    """Return a table by its name, with or without '.csv'; raises KeyError if there is none."""
+    stem = name.removesuffix(".csv")
+    known = [key.removesuffix(".csv") for key in tables if key.endswith(".csv")]
+    if stem not in known:
+        raise KeyError(f"{name}: expected one of {', '.join(known)}")
+    return tables[stem + ".csv"]
+
+
+def documented(result: _Result) -> _Result:
+    """Give the fields of a named tuple the text that the section Attributes of its docstring has,
+    so that help() shows it instead of 'Alias for field number'."""
+    section = (result.__doc__ or "").partition("----------\n")[2]
+    for name, text in re.findall(r"^    (\w+) : .*\n((?:        .*\n)+)", section, re.MULTILINE):
+        getattr(result, name).__doc__ = " ".join(text.split())
+    return result
+
+
+def beginning(summary: str, longest: int = 14) -> str:
+    """Return the first lines of a summary, which may begin with warnings, and what is left out."""
+    lines = summary.strip("\n").split("\n")
+    if len(lines) > longest + 1:
+        lines[longest:] = [f"... {len(lines) - longest} more lines in summary()"]
+    return "\n".join(lines)
 
 
 def _shortened(value: Any) -> str:

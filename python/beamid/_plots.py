@@ -122,6 +122,38 @@ def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[floa
     return np.array(drawn)
 
 
+def profiles(drawn: Sequence[tuple[str, str, Any, float]], axes: Any) -> Any:
+    """Draw profiles of J; see `Profiles.plot`.
+
+    Parameters
+    ----------
+    drawn
+        Label, unit, `Profile` and half width of the interval by linear theory of each parameter;
+        nan: not known.
+    axes
+        Where to draw; None: a new figure.
+    """
+    found = panels(len(drawn), axes, "Profiles.plot", sharex=False,
+                   figsize=(7, 1 + 1.9*len(drawn)))
+    for panel, (label, unit, profile, half_width) in zip(found, drawn):
+        x, distance = profile.value, profile.distance
+        panel.plot(x, distance**2, ".-", color="tab:blue", markersize=5, linewidth=1,
+                   label="profile")
+        if np.isfinite(half_width) and half_width > 0:
+            estimate = x[np.argmin(np.abs(distance))]
+            fine = np.linspace(x[0], x[-1], 200)
+            panel.plot(fine, ((fine - estimate)/half_width)**2, "--", color="grey", linewidth=1,
+                       label="linear theory")
+        panel.axhline(1, color="tab:red", linewidth=0.8, label="end of the 95 % interval")
+        panel.set_xlabel(labelled(label, unit))
+        panel.set_ylabel("relative rise of J")
+        panel.locator_params(axis="x", nbins=6)
+        panel.ticklabel_format(axis="x", useOffset=False)
+        panel.set_ylim(0, 1.1*max(1, (distance**2).max(initial=0)))
+    found[0].legend(loc="upper center", fontsize=8)
+    return np.array(found)
+
+
 def panels(count: int, axes: Any, what: str, **figure: Any) -> list[Any]:
     """Return axes, one below the other: those of the user, or those of a new figure."""
     if axes is not None:
@@ -131,7 +163,8 @@ def panels(count: int, axes: Any, what: str, **figure: Any) -> list[Any]:
         return given
     pyplot = optional("matplotlib.pyplot", what)
     ratios = figure.pop("height_ratios", None)
-    _, drawn = pyplot.subplots(count, 1, sharex=True, squeeze=False, layout="constrained",
+    shared = figure.pop("sharex", True)
+    _, drawn = pyplot.subplots(count, 1, sharex=shared, squeeze=False, layout="constrained",
                                gridspec_kw=dict(height_ratios=ratios), **figure)
     return list(drawn[:, 0])
 

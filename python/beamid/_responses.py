@@ -8,25 +8,37 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._cases import IN_MEMORY, Group, Groups, Names, case_text, given, open_case
+from ._fits import describe_arguments
 from ._library import InputError, compute, numbers
 
 
 @dataclass
 class Response:
-    """The response of a structure at given times."""
+    """The response of a structure at given times.
+
+    Attributes
+    ----------
+    t : ndarray
+        Times, shape (n,) [time].
+    acceleration : ndarray
+        Acceleration that the accelerometer reads, shape (n,) [length/time²].
+    displacement : ndarray
+        Displacement at the sensor, shape (n,) [length].
+    velocity : ndarray
+        Velocity at the sensor, shape (n,) [length/time].
+    derivatives : dict[str, ndarray]
+        Derivatives of the acceleration with respect to the named parameters, each of shape
+        (n,).
+    """
 
     t: np.ndarray
-    """Times, shape (n,) [time]."""
     acceleration: np.ndarray
-    """Acceleration that the accelerometer reads, shape (n,) [length/time²]."""
     displacement: np.ndarray
-    """Displacement at the sensor, shape (n,) [length]."""
     velocity: np.ndarray
-    """Velocity at the sensor, shape (n,) [length/time]."""
     derivatives: dict[str, np.ndarray]
-    """Derivatives of the acceleration with respect to the named parameters, each of shape (n,)."""
 
 
+@describe_arguments
 def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: Group = None,
              mass: Groups = None, hose: Groups = None, sensor: Groups = None,
              support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,

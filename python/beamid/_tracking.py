@@ -18,25 +18,37 @@ _FLAGS = ("", "moving", "unseen", "gap")
 
 @dataclass(frozen=True)
 class TrackedWindow:
-    """The followed parameter in one window."""
+    """The followed parameter in one window.
+
+    Attributes
+    ----------
+    first : float
+        Time of the first sample [time].
+    last : float
+        Time of the last sample [time].
+    estimate : float
+        Estimate [unit of the parameter].
+    lower : float
+        Lower end of the 95 % interval.
+    upper : float
+        Upper end of the 95 % interval.
+    misfit : float
+        Share of the energy that the model does not explain.
+    milliseconds : float
+        Processor time that the window took.
+    flag : str
+        '': none. 'moving': one set of parameters does not explain the window. 'unseen': the
+        motion is too small to determine the parameter. 'gap': too few samples.
+    """
 
     first: float
-    """Time of the first sample [time]."""
     last: float
-    """Time of the last sample [time]."""
     estimate: float
-    """Estimate [unit of the parameter]."""
     lower: float
-    """Lower end of the 95 % interval."""
     upper: float
-    """Upper end of the 95 % interval."""
     misfit: float
-    """Share of the energy that the model does not explain."""
     milliseconds: float
-    """Processor time that the window took."""
     flag: str
-    """'': none. 'moving': one set of parameters does not explain the window. 'unseen': the motion
-    is too small to determine the parameter. 'gap': too few samples."""
 
 
 class Tracker:

@@ -103,8 +103,8 @@ def test_simulate_at_given_times():
         beamid.simulate([0.2, np.nan, None], noise=dict(sd=np.ma.masked), **MODEL)
     with pytest.raises(beamid.InputError, match="&record: found no such group"):
         beamid.simulate(**MODEL)
-    with pytest.raises(TypeError, match="found arguments behind a case"):
-        beamid.simulate(DATA / "table_4_1_truth.nml", noise=noise)
+    with pytest.raises(beamid.InputError, match="found values of a record beside a case"):
+        beamid.profile(DATA / "table_4_1_noisy.nml", [0.1])
 
 
 def test_modes_are_those_of_the_program(program, tmp_path):
@@ -381,7 +381,7 @@ def test_summary_is_that_of_the_program(program, tmp_path, fit):
     files = program("identify", NOISY, out=tmp_path)
     loaded = beamid.load(NOISY).fit()
     assert loaded.summary() == files["summary.txt"]
-    assert loaded.verdict == files["summary.txt"].splitlines()[0]
+    assert loaded.verdict == files["summary.txt"].partition("\n\n")[0]    # no line is wrapped
     table = columns(files["estimates.csv"])
     for e in loaded.estimates.values():
         assert e.determined == (table["determined"][table["parameter"].index(e.name)] == "yes")
@@ -430,6 +430,57 @@ def test_pictures(fit, record):
     assert (upper.get_lines()[0].get_xdata() == t[1::2]).all()
     assert len(beamid.modes(NOISY).plot()) == 6
     pyplot.close("all")
+
+
+def test_pictures_of_profiles(fit):
+    """The points of the profile; the parabola is 1 at the ends of the linear interval."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from matplotlib import pyplot
+    found = beamid.profile(fit)
+    assert len(found.plot()) == len(FREE)
+    panel, = found.plot("c_D")
+    drawn = {line.get_label(): line for line in panel.get_lines()}
+    assert (drawn["profile"].get_xdata() == found["c_D"].value).all()
+    np.testing.assert_allclose(drawn["profile"].get_ydata(), found["c_D"].distance**2)
+    x, y = drawn["linear theory"].get_data()
+    upper = found.interval("c_D", "linear").upper
+    assert np.interp(upper, x, y) == pytest.approx(1, abs=0.02)    # 200 points
+    assert panel.get_xlabel() == "c_D [lb s/ft^2]"
+    with pytest.raises(KeyError, match="guess: expected one of c_D"):
+        found.plot("guess")
+    pyplot.close("all")
+
+
+def test_printed_results_are_the_beginning_of_the_summary(fit):
+    """Warnings come first, and long summaries are cut."""
+    simulation = beamid.simulate(DATA / "table_4_1_truth.nml")
+    assert repr(simulation) == simulation.summary().strip()
+    coarse = beamid.simulate(np.arange(0, 2, 1/500), beam=dict(
+        length=0.5, width=0.03, height=0.002, density=7850, E=2.05e11, c_D=1e7),
+        sensor=dict(m_S=0.012, x_S=0.48), excitation=dict(kind="release", displacement=0.02))
+    assert repr(coarse).startswith("warning: mesh: ")
+    modes = beamid.modes(NOISY)
+    lines, rest = repr(modes).splitlines(), modes.summary().strip().splitlines()
+    assert lines[:-1] == rest[:14]
+    assert lines[-1] == f"... {len(rest) - 14} more lines in summary()"
+    assert repr(beamid.profile(fit)).startswith(("beamid: profile", "table_4_1_noisy: profile"))
+
+
+@pytest.mark.parametrize("name", [
+    "Estimate", "Mode", "FittedMode", "FittedResponse", "Interval", "Profile", "Profiles",
+    "Posterior", "Bootstrap", "Inference", "ComparedModel", "NestedPair", "DampingRatio",
+    "MemberStatistics", "Results", "Simulation", "FrequencyResponse", "Modes", "Design",
+    "Comparison", "Ensemble", "Response", "TrackedWindow"])
+def test_fields_of_results_are_documented(name):
+    """help() describes each field, and of a named tuple also at the field itself."""
+    result = getattr(beamid, name)
+    told = inspect.getdoc(result).partition("Attributes\n----------\n")[2]
+    fields = getattr(result, "_fields", None) or result.__annotations__
+    for field in fields:
+        if not field.startswith("_"):
+            assert f"\n{field} : " in "\n" + told, field
+        if hasattr(result, "_fields"):
+            assert "Alias" not in getattr(result, field).__doc__
 
 
 def test_packages_that_are_missing(fit, monkeypatch):
@@ -580,8 +631,143 @@ def test_a_fit_of_a_case_file(fit):
     assert loaded.names == fit.names
     np.testing.assert_allclose(loaded.values, fit.values, rtol=1e-5)
     assert (beamid.fit(beamid.load(str(NOISY))).values == loaded.values).all()
-    with pytest.raises(TypeError, match="found arguments behind a case file"):
-        beamid.fit(NOISY, free="E")
+    assert beamid.fit(NOISY, free="m_H").names == ["m_H"]
+
+
+def test_arguments_change_a_case(fit, record):
+    """The same results as with all arguments; the case itself stays as it is."""
+    problem = beamid.Problem(*record, free=FREE, **MODEL, **NAMES)
+    longer = {**MODEL, "beam": dict(MODEL["beam"], length=4.2)}
+    expected = beamid.fit(*record, free=["m_H", "k_H"], **longer, **NAMES)
+    found = beamid.fit(problem, free=["m_H", "k_H"], beam=dict(length=4.2))
+    assert (found.values == expected.values).all() and found.summary() == expected.summary()
+    assert (problem.fit().values == fit.values).all()
+    t, a = record
+    half = beamid.fit(fit, records=beamid.Record(t[:30], a[:30]))
+    assert half.t.size == 30 and half.names == FREE
+    assert (beamid.fit(fit, record=dict(t_last=3.0)).t < 3.05).all()
+    few = beamid.sample(fit, sample=dict(draws=400, seed=7))
+    assert few.draws.shape == (4, 100, 4) and (few.fit.values == fit.values).all()
+    structure = {key: longer[key] for key in ("beam", "tip", "hose", "discretization")}
+    assert (beamid.modes(NOISY, beam=dict(length=4.2), stages=[]).frequencies
+            == beamid.modes(**structure).frequencies).all()
+    release = dict(kind="release", displacement=0.1)
+    other = beamid.simulate(t, **{**MODEL, "excitation": release, "observation": None})
+    again = beamid.simulate(problem, excitation=release, observation=[])
+    assert (again.acceleration == other.acceleration).all()
+    with pytest.raises(beamid.InputError, match="found length, which belongs into beam=dict"):
+        beamid.modes(fit, length=4.2)
+    masses = [dict(x=1, m=0.1, name="a"), dict(x=2, m=0.1, name="b")]
+    with pytest.raises(beamid.InputError, match="the case has 2 groups &mass"):
+        beamid.modes(beamid.Problem(*record, free="E", **MODEL, mass=masses), mass=dict(m=0.2))
+    with pytest.raises(beamid.InputError, match=r"noisy\.nml, changed: &beam E: found -1"):
+        beamid.modes(NOISY, beam=dict(E=-1))
+    with pytest.raises(beamid.InputError, match=r"noisy\.nml, changed: &stage free: found 'q'"):
+        beamid.fit(NOISY, free="q")
+    with pytest.raises(beamid.InputError, match=r"nowhere\.nml: No such file"):
+        beamid.modes("nowhere.nml", beam=dict(length=1))
+
+
+def test_commands_take_a_fit(fit):
+    """They compute with the estimates, on the mesh of the fit."""
+    estimates = {name: fit[name].value for name in FREE}
+    fitted = {**MODEL, "beam": dict(MODEL["beam"], c_D=estimates.pop("c_D")), "hose": estimates}
+    expected = [mode.frequency for mode in fit.modes]
+    assert beamid.modes(fit).frequencies[:len(expected)].tolist() == expected
+    simulation = beamid.simulate(fit)
+    np.testing.assert_allclose(simulation.acceleration, fit.model, rtol=0, atol=1e-12)
+    structure = {key: fitted[key] for key in ("beam", "tip", "hose", "discretization")}
+    lines = dict(f_first=0.1, f_last=2, f_step=0.1, x_F=3)
+    assert (beamid.frf(fit, record=lines).h == beamid.frf(record=lines, **structure).h).all()
+    grid, noise = dict(t_first=0.1, t_last=5, t_step=0.05), dict(sd=0.016)
+    plan = beamid.design(fit, record=grid, noise=noise, design=dict(x_S=[2, 4]))
+    other = beamid.design(record=grid, free=FREE, noise=noise, design=dict(x_S=[2, 4]), **fitted,
+                          **NAMES)
+    assert plan.tables["design.csv"] == other.tables["design.csv"]
+    reverse = fit.measured[::-1].copy()
+    rejected = beamid.Problem(fit.t, reverse, free="c_D", **MODEL).fit(judge=False)
+    with pytest.raises(beamid.NoFit, match="the model explains"):
+        beamid.modes(rejected)
+    noise = dict(sd=float(columns(fit.tables["quality.csv"])["noise_sd"][0]))
+    known = beamid.Problem(fit.t, fit.measured, free=FREE, noise=dict(sd=0.1), **MODEL).fit()
+    other = beamid.design(fit, record=grid, noise=dict(sd=0.1), design=dict(x_S=[2, 4]))
+    plan = beamid.design(known, record=grid, design=dict(x_S=[2, 4]))
+    np.testing.assert_allclose(plan.D, other.D)
+    assert (beamid.design(fit, record=grid, design=dict(x_S=[2, 4])).std_errors["m_H"]
+            == beamid.design(fit, record=grid, noise=noise, design=dict(x_S=[2, 4])
+                             ).std_errors["m_H"]).all()
+
+
+def test_a_fit_gives_its_values_to_the_keys_of_a_case():
+    """Each parameter goes to the group and the key that the reference names."""
+    from beamid import _changes
+    reference = (CHECKOUT / "docs/reference/case-file.md").read_text().split("## Parameters")[1]
+    rows = [row.split("|") for row in reference.splitlines() if row.startswith("| `")]
+    places = {row[1].strip(" `"): tuple(row[4].replace("`", "").replace("&", "").split())
+              for row in rows}
+    del places["E(x)"], places["c_D(x)"]
+    ends = {name: places.pop(name) for name in ("k_R", "c_R")}
+    assert {name: _changes.PLACES[name] for name in places} == places and len(places) > 30
+    text = """&Beam width=1.5, height=2 density = 3d0, E=1 ! a comment /
+        / &end at='root', k_R=1 / &mass x=1, m=1, name='a' / &mass x=2, m=1, name="b" /
+        &excitation kind='release', displacement=1 / &record x_S=1 / &record x_S=2, offset=3/"""
+    groups = _changes.read_groups(text)
+    _changes.set_estimates(groups, {
+        "E": 7e10, "rho": 6.0, "k_R.root": 50.0, "m_M.a": 4.0, "J_M.b": 5.0, "amplitude": 8.0,
+        "x_S(2)": 9.0, "offset(1)": 0.5, "cos_1": 1.0, "m_T": 2.0}, 16)
+    assert groups == [
+        ("beam", {"width": "1.5", "height": "2", "density": "2.0", "e": "70000000000.0"}),
+        ("end", {"at": "'root'", "k_r": "50.0"}),
+        ("mass", {"x": "1", "m": "4.0", "name": "'a'"}),
+        ("mass", {"x": "2", "m": "1", "name": '"b"', "j": "5.0"}),
+        ("excitation", {"kind": "'release'", "displacement": "8.0"}),
+        ("record", {"x_s": "1", "offset": "0.5"}), ("record", {"x_s": "9.0", "offset": "3"}),
+        ("tip", {"m_t": "2.0"}), ("discretization", {"elements": "16"})]
+    assert ends["k_R"] == ("end", "k_R")
+    for estimates, message in [
+            ({"m_M": 1.0}, "m_M: found 2 groups &mass"), ({"E(1)": 1.0}, "a value for one record"),
+            ({"E.3": 1.0}, r"estimates of E\(x\)")]:
+        with pytest.raises(beamid.InputError, match=message):
+            _changes.set_estimates(_changes.read_groups(text), estimates, 16)
+
+
+def test_a_record_from_a_file(record, tmp_path, monkeypatch):
+    """Columns by name; the path is relative to the folder of the call."""
+    rows = "".join(f"{x},{t},{a}\n" for x, (t, a) in enumerate(zip(*record)))
+    (tmp_path / "phone.csv").write_text("number,seconds,g\n" + rows)
+    monkeypatch.chdir(tmp_path)
+    problem = beamid.Problem(record=dict(file="phone.csv", time_column="seconds", value_column="g"),
+                             free=FREE, **MODEL)
+    with pytest.raises(beamid.InputError, match=r"is read by record=dict\(file='phone.csv'\)"):
+        beamid.fit("phone.csv", free=FREE, **MODEL)
+    monkeypatch.chdir("/")
+    found = pickle.loads(pickle.dumps(problem)).fit(judge=False)
+    assert (found.measured == record[1]).all() and (found.t == record[0]).all()
+
+
+@pytest.mark.parametrize("keys, message", [
+    (dict(scale=9.8), r"^found scale, which belongs into record=dict\(scale=...\)$"),
+    (dict(E=7e10), r"^found E, which belongs into beam=dict\(E=...\)$"),
+    (dict(free="density"), r"^free: found 'density', expected one of m_T"),
+    (dict(beam=dict(MODEL["beam"], E=-1)), r"^&beam E: found -1, expected"),
+])
+def test_messages_name_the_argument(record, keys, message):
+    """There is no line of a case file, and no group of a stage that the user has not written."""
+    with pytest.raises(beamid.InputError, match=message):
+        beamid.fit(*record, **{**MODEL, "free": "m_H", **keys})
+    with pytest.raises(beamid.InputError, match=r"profile\(fit\)\['E'\] is that of E"):
+        beamid.profile(NOISY, parameters="E")
+
+
+@pytest.mark.parametrize("function", [beamid.fit, beamid.sample, beamid.modes, beamid.design])
+def test_help_describes_the_arguments(function):
+    """Each argument has a line of its own, and is described once."""
+    told = inspect.getdoc(function)
+    for name, parameter in inspect.signature(function).parameters.items():
+        mark = "**" if parameter.kind is inspect.Parameter.VAR_KEYWORD else ""
+        lines = [line for line in told.splitlines() if line[:1].strip()
+                 and mark + name in line.partition(" :")[0].split(", ")]
+        assert len(lines) == 1, name
 
 
 def test_commands_in_two_threads(rivals):

@@ -127,6 +127,29 @@ def test_modes_and_text(fit):
     assert all(name in repr(fit) for name in FREE)
 
 
+def test_verdict_is_the_beginning_of_the_summary(fit, record):
+    """It is whole and not wrapped; `warnings` are its sentences; print() and notebooks begin with
+    it."""
+    head = fit.summary().partition("\n\n")[0]
+    assert fit.verdict.split() == head.split()
+    assert max(map(len, fit.verdict.splitlines())) > 100 >= max(map(len, head.splitlines()))
+    first, *_, last = fit.warnings
+    assert fit.verdict.startswith(first + "\n") and fit.verdict.endswith("\n" + last)
+    assert not any(line.startswith(("record 1: 49", "mode")) for line in fit.warnings)
+    assert first.startswith("J_S, which the model leaves out") and first.endswith("to free")
+    assert last.startswith("warning: mesh: ") and "  mode 2: " in fit.verdict
+    for text in (repr(fit), fit._repr_html_().removeprefix("<p>")):
+        assert text.startswith(first[:60]) and ": seen" not in text
+    assert max(map(len, repr(fit).splitlines())) <= 100
+    undetermined = [name for name in FREE if not fit[name].determined]
+    assert repr(fit).count("(not determined)") == len(undetermined) > 0
+    assert beamid.load(NOISY).fit().warnings == []
+    with pytest.raises(beamid.NoFit) as caught:
+        beamid.fit(record[0], record[1][::-1].copy(), free=["c_D"], **MODEL)
+    rejected = caught.value.fit
+    assert rejected.warnings[0] == f"no fit: {rejected.no_fit}" == rejected.verdict.split("\n")[0]
+
+
 def test_unknown_parameter(fit):
     with pytest.raises(KeyError, match=r"guess: expected one of .*c_D"):
         fit["guess"]
@@ -138,7 +161,8 @@ def test_pandas(fit):
     assert isinstance(frame, pandas.DataFrame) and list(frame.parameter) == [*FREE, "J"]
     np.testing.assert_array_equal(frame.estimate[:4], fit.values)
     assert {"frequency_hz", "damping_ratio"} <= set(fit.to_pandas("modes").columns)
-    with pytest.raises(KeyError, match=r"nonsense: expected one of .*estimates.csv"):
+    assert fit.to_pandas("modes.csv").equals(fit.to_pandas("modes"))
+    with pytest.raises(KeyError, match=r"nonsense: expected one of .*estimates"):
         fit.to_pandas("nonsense")
 
 
@@ -292,7 +316,7 @@ def test_no_fit_is_raised_with_its_evidence(record):
 
 
 @pytest.mark.parametrize("change, message", [
-    (dict(free=["c_D", "m_Q"]), r"&stage free: found 'm_Q', expected one of"),
+    (dict(free=["c_D", "m_Q"]), r"^free: found 'm_Q', expected one of"),
     (dict(beam=dict(MODEL["beam"], E=-1)), r"&beam E: found -1, expected a value above 0"),
     (dict(beam=dict(MODEL["beam"], EE=1)), r"&beam EE: .*perhaps E"),
     (dict(beam=4), r"beam: found 4, expected its keys"),
@@ -658,8 +682,7 @@ def test_inference_takes_the_arguments_of_a_fit():
     assert best == pytest.approx(few.fit.values, rel=1e-12)
     with pytest.raises(beamid.InputError, match="draws"):
         beamid.sample(t, a, sample=dict(draws=-1), **keys)
-    with pytest.raises(TypeError, match="found arguments behind a case file"):
-        beamid.sample(NOISY, free=FREE)
+    assert beamid.sample(NOISY, free=FREE[1:], sample=dict(draws=400)).names == FREE[1:]
 
 
 def test_no_fit_has_no_intervals(record):
@@ -697,6 +720,7 @@ def test_tables_of_inference_as_frames():
     pytest.importorskip("pandas")
     found = beamid.profile(NOISY)
     assert set(found.to_pandas().method) == {"linear", "profile"}
+    assert found.to_pandas("profiles.csv").equals(found.to_pandas("profiles"))
     assert set(found.to_pandas("profiles").parameter) == set(FREE)
     with pytest.raises(KeyError, match="guess: expected one of"):
         found.to_pandas("guess")
