@@ -14,7 +14,7 @@ module beamid_fitted_modes
    implicit none
    private
 
-   public :: fitted_mode_t, fitted_modes
+   public :: fitted_mode_t, fitted_modes, mode_finder_t, new_mode_finder
 
    !> A mode with the half widths of its 95 % intervals, `unlimited` where there is no interval. A
    !> real root, which decays without oscillating, counts as a mode of its own.
@@ -29,7 +29,52 @@ module beamid_fitted_modes
       real(wp) :: damping_half_width = 0    !< of the damping ratio
    end type fitted_mode_t
 
+   !> Finds the modes of fits that differ in the values of their parameters alone, each from those of
+   !> the fit before.
+   type :: mode_finder_t
+      private
+      type(galerkin_t), allocatable :: galerkin(:)   !< (records)
+      type(modal_t), allocatable :: solver(:)        !< (records)
+   contains
+      procedure :: find
+   end type mode_finder_t
+
 contains
+
+   !> Computes the lowest modes of each record's structure. Arguments as of `new_mode_finder` and
+   !> `find`.
+   subroutine fitted_modes(mesh, fit, count, modes, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: count
+      type(fitted_mode_t), allocatable, intent(out) :: modes(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(mode_finder_t) :: finder
+
+      call new_mode_finder(mesh, fit, finder, error)
+      if (.not. allocated(error)) call finder%find(fit, count, modes, error)
+      if (.not. allocated(modes)) allocate (modes(0))
+   end subroutine fitted_modes
+
+   !> Prepares the meshes of the structures of a fit.
+   !>
+   !> error  a mesh without modes
+   subroutine new_mode_finder(mesh, fit, finder, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      type(mode_finder_t), intent(out) :: finder
+      type(error_t), allocatable, intent(out) :: error
+      integer :: r
+
+      associate (structures => fit%scenario%structures)
+         allocate (finder%galerkin(size(structures)), finder%solver(size(structures)))
+         do r = 1, size(structures)
+            finder%galerkin(r) = galerkin_of(mesh, structures(r), moving=fit%free)
+            call finder%solver(r)%prepare(finder%galerkin(r), error)
+            if (allocated(error)) return
+         end do
+      end associate
+   end subroutine new_mode_finder
 
    !> Computes the lowest modes of each record's structure, the oscillating ones first.
    !>
@@ -39,36 +84,32 @@ contains
    !> count  number of modes for each record; the mesh may have fewer
    !> modes  of all records, record by record
    !> error  roots that cannot be found
-   subroutine fitted_modes(mesh, fit, count, modes, error)
-      type(mesh_t), intent(in) :: mesh
+   subroutine find(self, fit, count, modes, error)
+      class(mode_finder_t), intent(inout), target :: self
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: count
       type(fitted_mode_t), allocatable, intent(out) :: modes(:)
       type(error_t), allocatable, intent(out) :: error
-      type(modal_t) :: solver
-      type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(work_t) :: work
       complex(wp), allocatable :: s(:), ds(:, :)
+      integer, allocatable :: free(:)
       logical, allocatable :: together(:)
       integer :: k, r
 
-      allocate (modes(0))
-      do r = 1, size(fit%scenario%structures)
-         associate (structure => fit%scenario%structures(r))
-            galerkin = galerkin_of(mesh, structure, moving=fit%free)
-            call solver%prepare(galerkin, error)
-            if (allocated(error)) return
-            equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
-            call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
-               together, work, error)
-            if (allocated(error)) return
-            do k = 1, size(s)
-               modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
-            end do
-         end associate
+      allocate (modes(0), free(0))
+      if (fit%statistics%samples > 0) free = fit%free
+      do r = 1, size(self%solver)
+         equations = new_equations(self%galerkin(r), fit%scenario%structures(r), &
+            new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
+         call self%solver(r)%lowest_roots(equations, free, min(count, self%galerkin(r)%space%n), s, &
+            ds, together, work, error)
+         if (allocated(error)) return
+         do k = 1, size(s)
+            modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
+         end do
       end do
-   end subroutine fitted_modes
+   end subroutine find
 
    !> Returns a mode with its intervals.
    !>
