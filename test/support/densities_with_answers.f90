@@ -6,7 +6,7 @@ module densities_with_answers
    implicit none
    private
 
-   public :: normal_t, banana_t, flat_t, two_maxima_t, hole_t
+   public :: normal_t, banana_t, flat_t, two_maxima_t, hole_t, wave_t, comb_t
 
    !> Normal, of a mean and of the inverse of a covariance.
    type, extends(density_t) :: normal_t
@@ -46,7 +46,43 @@ module densities_with_answers
       procedure :: evaluate => evaluate_hole
    end type hole_t
 
+   !> Standard normal, with waves on its logarithm.
+   type, extends(density_t) :: wave_t
+      real(wp) :: height = 0, number = 0
+   contains
+      procedure :: evaluate => evaluate_wave
+   end type wave_t
+
+   !> Standard normal, a fifth lower in a thousandth of the range.
+   type, extends(density_t) :: comb_t
+   contains
+      procedure :: evaluate => evaluate_comb
+   end type comb_t
+
 contains
+
+   subroutine evaluate_wave(self, q, value, gradient, curvature)
+      class(wave_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), intent(out) :: value
+      real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+
+      value = self%height*sin(self%number*q(1)) - q(1)**2/2
+      if (present(gradient)) gradient = self%height*self%number*cos(self%number*q) - q
+      if (present(curvature)) curvature = 1
+   end subroutine evaluate_wave
+
+   subroutine evaluate_comb(self, q, value, gradient, curvature)
+      class(comb_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), intent(out) :: value
+      real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+
+      value = -q(1)**2/2
+      if (modulo(37*q(1) + 0.5_wp, 1.0_wp) < 1e-3_wp) value = value - 0.2_wp
+      if (present(gradient)) gradient = -q
+      if (present(curvature)) curvature = 1
+   end subroutine evaluate_comb
 
    subroutine evaluate_normal(self, q, value, gradient, curvature)
       class(normal_t), intent(inout) :: self

@@ -171,20 +171,23 @@ contains
    end function normal_probability
 
    !> Returns the quantile of the standard normal distribution for a probability in (0, 1), by
-   !> Newton's method on the logarithm of the tail. This function is concave: the iteration passes
-   !> the root once and then converges from one side.
+   !> Newton's method on the logarithm of the tail, from the approximation 26.2.23 of Abramowitz and
+   !> Stegun. This function is concave: the iteration passes the root at most once and then converges
+   !> from one side.
    elemental real(wp) function normal_quantile(probability) result(x)
       real(wp), intent(in) :: probability
       real(wp), parameter :: root_of_2_pi = sqrt(2*acos(-1.0_wp))
-      real(wp) :: tail, there, step
+      real(wp) :: tail, there, step, t
       integer :: k
 
       tail = min(probability, 1 - probability)
-      x = 0
+      t = sqrt(-2*log(tail))
+      x = (2.515517_wp + t*(0.802853_wp + t*0.010328_wp)) &
+         /(1 + t*(1.432788_wp + t*(0.189269_wp + t*0.001308_wp))) - t
       do k = 1, 100
          there = normal_probability(x)
          step = log(there/tail)*(there*exp(x**2/4))*exp(x**2/4)*root_of_2_pi
-         x = x - min(step, 3.0_wp)
+         x = x - step
          if (abs(step) <= 4*epsilon(x)*max(abs(x), 1.0_wp)) exit
       end do
       if (probability > 0.5_wp) x = -x

@@ -167,8 +167,8 @@ contains
    end subroutine follow_profile
 
    !> Minimises J over all parameters except one, which is moved to a distant value in steps that
-   !> at most double it. The searches are short: J is exact to a relative error of 1e-4 or, at the
-   !> end of a curved valley, a little too large.
+   !> at most double it. The searches are short: J is exact to a relative error of 1e-3 or, at the
+   !> end of a curved valley, a little too large. On the way, a few evaluations suffice.
    !>
    !> problem     on return at any parameters
    !> rows        m, number of its residuals
@@ -191,7 +191,8 @@ contains
       do while (abs(value - parameters(k)) > 0)
          step = max(abs(parameters(k)), variables(k)%magnitude)
          parameters(k) = parameters(k) + max(-step, min(step, value - parameters(k)))
-         call minimise(section, parameters, J, error, briefly=.true.)
+         call minimise(section, parameters, J, error, &
+            tolerance=merge(1e-2_wp, 1e-3_wp, abs(value - parameters(k)) > 0))
          if (allocated(error)) return
       end do
    end subroutine minimise_at
@@ -267,13 +268,14 @@ contains
    !> parameters  (n) on entry the start and the fixed value, on return the minimum
    !> J           least sum of squares
    !> error       the fit failed
-   !> briefly     whether a rough minimum is enough, after few evaluations; default .false.
-   subroutine minimise(section, parameters, J, error, briefly)
+   !> tolerance   if present, a rough minimum is enough: relative error of J, unless 100 evaluations
+   !>             do not reach it
+   subroutine minimise(section, parameters, J, error, tolerance)
       type(section_t), intent(inout) :: section
       real(wp), intent(inout) :: parameters(:)
       real(wp), intent(out) :: J
       type(error_t), allocatable, intent(out) :: error
-      logical, intent(in), optional :: briefly
+      real(wp), intent(in), optional :: tolerance
       type(variable_t) :: others(size(parameters) - 1)
       type(options_t) :: options
       type(fit_t) :: found
@@ -289,10 +291,10 @@ contains
       end associate
       options%check = .false.
       options%tolerance = 1e-9_wp
-      if (present(briefly)) then
-         options%rough = briefly
-         if (briefly) options%tolerance = 1e-4_wp
-         if (briefly) options%max_evaluations = 100
+      options%rough = present(tolerance)
+      if (present(tolerance)) then
+         options%tolerance = tolerance
+         options%max_evaluations = 100
       end if
       J = 0
       call fit(section, section%rows, others, options, found, error)

@@ -1,6 +1,13 @@
 !> Draws from a probability density of several parameters: by importance sampling from a proposal
 !> distribution that is fitted to the density (`beamid_proposals`), or by Markov chains if the
 !> weights show that importance sampling fails. The posterior distribution of a fit is sampled here.
+!>
+!> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) therefore
+!> stands in for it, and the density p itself is computed only for a random share of the draws there.
+!> If the weight by the polynomial is w, and by the density c w, these draws get the weight
+!> w (1 + (c - 1)/share) and the others w. The mean of this random weight is c w, so that the draws
+!> are still those of p (Fearnhead, Papaspiliopoulos and Roberts, J. R. Statist. Soc. B 70, 2008,
+!> 755). Its scatter counts in the effective sample size.
 module beamid_sampling
    use beamid_chains, only: bulk_size, scale_reduction, tail_size
    use beamid_densities, only: density_t, impossible
@@ -13,6 +20,7 @@ module beamid_sampling
    use beamid_proposals, only: new_proposal, proposal_t, refit_proposal
    use beamid_searches, only: monitor_t
    use beamid_strings, only: to_text
+   use beamid_surrogates, only: new_surrogate, surrogate_t
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -34,7 +42,8 @@ module beamid_sampling
    !> Draws of equal weight, chain by chain, and their diagnostics.
    type :: draws_t
       real(wp), allocatable :: q(:, :)    !< (n, draws) parameters
-      real(wp), allocatable :: log_density(:)   !< (draws) up to a constant
+      !> (draws) up to a constant; with weights, for most of the draws by the polynomial
+      real(wp), allocatable :: log_density(:)
       logical :: weighted = .true.        !< by importance sampling; .false.: by chains
       real(wp) :: k = 0                   !< shape of the Pareto distribution of the largest weights
       real(wp) :: effective = 0           !< effective sample size
@@ -139,24 +148,21 @@ contains
       logical, intent(out) :: is_reliable
       class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: pilot = 2000, rounds = 5, max_ratio = 50
-      real(wp), allocatable :: x(:, :), value(:), log_weight(:), weight(:)
+      real(wp), allocatable :: y(:, :), value(:), log_weight(:), weight(:)
       real(wp) :: efficiency
       integer :: n, round, wanted
+      type(surrogate_t) :: surrogate
 
       is_reliable = .false.
       n = size(proposal%mode)
       draws%evaluations = 0
       do round = 1, rounds
-         allocate (x(n, 0), value(0), log_weight(0))
+         allocate (y(n, 0), value(0), log_weight(0))
          wanted = pilot
          do
-            call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, &
-               log_weight, monitor)
-            if (interrupted()) return
-            if (.not. any(log_weight > impossible)) then
-               draws%evaluations = draws%evaluations + wanted
-               return
-            end if
+            call draw_more(density, proposal, surrogate, plan%seed + 104729*round, wanted, y, &
+               value, log_weight, draws%evaluations, monitor)
+            if (interrupted() .or. .not. any(log_weight > impossible)) return
             if (allocated(weight)) deallocate (weight)
             allocate (weight(wanted))
             call smooth_weights(log_weight, weight, draws%k)
@@ -165,85 +171,139 @@ contains
             is_reliable = draws%k <= largest_k .and. efficiency >= min_efficiency
             if (.not. is_reliable .or. draws%effective >= plan%draws .or. &
                wanted >= max_ratio*plan%draws) exit
+            if (wanted == pilot) call new_surrogate(y, value, proposal%width, surrogate)
             wanted = min(max_ratio*plan%draws, max(wanted + 1000, &
                block*ceiling(1.1_wp*plan%draws/efficiency/block)))
          end do
-         draws%evaluations = draws%evaluations + wanted
          if (is_reliable) exit
-         call refit_proposal(proposal, x, weight)
-         deallocate (x, value, log_weight)
+         call refit_proposal(proposal, points(proposal, y), weight)
+         surrogate = surrogate_t()
+         deallocate (y, value, log_weight)
       end do
-      if (is_reliable) call resample(proposal, plan, x, value, weight, draws)
+      if (is_reliable) call resample(proposal, plan, points(proposal, y), value, weight, draws)
    end subroutine draw_weighted
+
+   !> Returns the coordinates x, (n, draws), of draws y (n, draws) in units of the proposal's axes.
+   pure function points(proposal, y) result(x)
+      type(proposal_t), intent(in) :: proposal
+      real(wp), intent(in) :: y(:, :)
+      real(wp) :: x(size(y, 1), size(y, 2))
+      integer :: i
+
+      do i = 1, size(y, 2)
+         x(:, i) = proposal%mode + matmul(proposal%axes, y(:, i))
+      end do
+   end function points
 
    !> Extends the list of draws. Each draw depends on its number only, not on the threads.
    !>
-   !> wanted      length of the list on return
-   !> x           (n, wanted) coordinates
-   !> value       (wanted) log density of the parameters
-   !> log_weight  (wanted) log of the density of the coordinates over that of the proposal
-   subroutine draw_more(density, proposal, seed, wanted, x, value, log_weight, monitor)
+   !> surrogate    on return covers nothing if its error is too large for a positive weight; the
+   !>              density is then computed at all draws
+   !> wanted       length of the list on return
+   !> y            (n, wanted) coordinates in units of the axes, from the mode
+   !> value        (wanted) log density of the parameters
+   !> log_weight   (wanted) log of the density of the coordinates over that of the proposal
+   !> evaluations  number of evaluations of the density, of which those of this call are added
+   recursive subroutine draw_more(density, proposal, surrogate, seed, wanted, y, value, log_weight, &
+      evaluations, monitor)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
+      type(surrogate_t), intent(inout) :: surrogate
       integer, intent(in) :: seed, wanted
-      real(wp), allocatable, intent(inout) :: x(:, :), value(:), log_weight(:)
+      real(wp), allocatable, intent(inout) :: y(:, :), value(:), log_weight(:)
+      integer, intent(inout) :: evaluations
       class(monitor_t), intent(inout), optional :: monitor
-      integer :: b, finished, first, present_draws, last
+      integer :: b, counted, finished, first, present_draws, last
+      logical :: is_negative
 
       present_draws = size(value)
-      x = reshape(x, [size(x, 1), wanted], pad=[0.0_wp])
+      y = reshape(y, [size(y, 1), wanted], pad=[0.0_wp])
       value = [value, spread(impossible, 1, wanted - present_draws)]
       log_weight = [log_weight, spread(impossible, 1, wanted - present_draws)]
       finished = present_draws
-      !$omp parallel do schedule(dynamic, 1) private(first, last) copyin(stop_flag)
+      counted = 0
+      is_negative = .false.
+      !$omp parallel do schedule(dynamic, 1) private(first, last) copyin(stop_flag) &
+      !$omp& reduction(+:counted) reduction(.or.:is_negative)
       do b = present_draws/block + 1, (wanted + block - 1)/block
          if (interrupted()) cycle
          first = max((b - 1)*block, present_draws) + 1
          last = min(b*block, wanted)
-         call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, &
-            x(:, first:last), value(first:last), log_weight(first:last))
+         call draw_block(density, proposal, surrogate, seed + 7919*b, first - (b - 1)*block, &
+            y(:, first:last), value(first:last), log_weight(first:last), counted, is_negative)
          !$omp critical (one_block_done)
          finished = finished + last - first + 1
          if (present(monitor)) call monitor%advanced(finished, wanted, 'draws')
          !$omp end critical (one_block_done)
       end do
       !$omp end parallel do
+      evaluations = evaluations + counted
+      if (.not. is_negative) return
+      surrogate = surrogate_t()
+      y = y(:, :present_draws)
+      value = value(:present_draws)
+      log_weight = log_weight(:present_draws)
+      call draw_more(density, proposal, surrogate, seed, wanted, y, value, log_weight, &
+         evaluations, monitor)
    end subroutine draw_more
 
    !> Draws the numbers `first` and following of one block. It copies the density here: a result
    !> must not depend on what another evaluation in the same thread has left, and gfortran 12 calls
    !> through a wild pointer if a polymorphic variable is private to a thread without work.
    !>
-   !> seed        of the block
-   !> first       number in the block of the first draw
-   !> x           (n, draws) coordinates
-   !> value       (draws) log density of the parameters
-   !> log_weight  (draws) as in `draw_more`
-   subroutine draw_block(density, proposal, seed, first, x, value, log_weight)
+   !> seed         of the block
+   !> first        number in the block of the first draw
+   !> y            (n, draws) coordinates in units of the axes, from the mode
+   !> value        (draws) log density of the parameters
+   !> log_weight   (draws) as in `draw_more`
+   !> counted      number of evaluations, of which those of the block are added
+   !> is_negative  becomes .true. if a random weight is not positive
+   subroutine draw_block(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
+      is_negative)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
+      type(surrogate_t), intent(in) :: surrogate
       integer, intent(in) :: seed, first
-      real(wp), intent(out) :: x(:, :)
+      real(wp), intent(out) :: y(:, :)
       real(wp), intent(inout) :: value(:), log_weight(:)
+      integer, intent(inout) :: counted
+      logical, intent(inout) :: is_negative
       class(density_t), allocatable :: mine
-      real(wp) :: z(size(x, 1), block), u(2, block), width(size(x, 1)), scale
+      real(wp), dimension(size(y, 1)) :: x, width
+      real(wp) :: z(size(y, 1), block), u(3, block), scale, share, guess, factor
       integer :: i, n, place
 
       allocate (mine, source=density)
-      n = size(x, 1)
+      n = size(y, 1)
       z = reshape(gaussian_noise(n*block, 1.0_wp, seed), [n, block])
-      u = reshape(uniform_noise(2*block, seed + 3), [2, block])
-      do i = 1, size(x, 2)
+      u(:2, :) = reshape(uniform_noise(2*block, seed + 3), [2, block])
+      u(3, :) = uniform_noise(block, seed + 5)
+      do i = 1, size(y, 2)
          place = first + i - 1
          ! Sum of two exponential variables: chi-square with four degrees of freedom.
          scale = sqrt(t_freedom/(-2*log(u(1, place)*u(2, place))))
          associate (e => z(:, place))
             e = scale*e
             width = merge(proposal%width(:, 1), proposal%width(:, 2), e < 0)
-            x(:, i) = proposal%mode + matmul(proposal%axes, width*e)
-            call mine%evaluate(proposal%coordinate%value(x(:, i)), value(i))
-            if (.not. value(i) > impossible) cycle
-            log_weight(i) = value(i) + sum(proposal%coordinate%log_slope(x(:, i))) &
+            y(:, i) = width*e
+            x = proposal%mode + matmul(proposal%axes, y(:, i))
+            share = surrogate%share(y(:, i))
+            factor = 1
+            if (share < 1) guess = surrogate%at(y(:, i))
+            if (u(3, place) > share) then
+               value(i) = guess
+            else
+               call mine%evaluate(proposal%coordinate%value(x), value(i))
+               counted = counted + 1
+               if (share < 1) then
+                  factor = 1 + (exp(min(value(i) - guess, 700.0_wp)) - 1)/share
+                  is_negative = is_negative .or. .not. factor > 0
+               else
+                  guess = value(i)
+               end if
+               if (.not. (value(i) > impossible .and. factor > 0)) cycle
+            end if
+            log_weight(i) = guess + log(factor) + sum(proposal%coordinate%log_slope(x)) &
                + sum(log(width)) + (t_freedom + n)/2*log(1 + sum(e**2)/t_freedom)
          end associate
       end do

@@ -14,7 +14,7 @@ module beamid_fitted_modes
    implicit none
    private
 
-   public :: fitted_mode_t, fitted_modes
+   public :: fitted_mode_t, fitted_modes, mode_finder_t, new_mode_finder
 
    !> A mode with the half widths of its 95 % intervals, `unlimited` where there is no interval. A
    !> real root, which decays without oscillating, counts as a mode of its own.
@@ -27,20 +27,27 @@ module beamid_fitted_modes
       real(wp) :: damping_ratio = 0         !< -Re(s)/|s|
       real(wp) :: frequency_half_width = 0  !< [1/time]
       real(wp) :: damping_half_width = 0    !< of the damping ratio
+      !> change of the root if the estimates shift as a finer mesh would shift them
+      complex(wp), private :: shift = 0
    contains
       procedure, private :: add_error
    end type fitted_mode_t
 
+   !> Finds the modes of fits that differ in the values of their parameters alone, each from those of
+   !> the fit before.
+   type :: mode_finder_t
+      private
+      type(galerkin_t), allocatable :: galerkin(:)   !< (records)
+      type(modal_t), allocatable :: solver(:)        !< (records)
+   contains
+      procedure :: find
+   end type mode_finder_t
+
 contains
 
-   !> Computes the lowest modes of each record's structure, the oscillating ones first.
+   !> Computes the lowest modes of each record's structure. Arguments as of `new_mode_finder` and
+   !> `find`.
    !>
-   !> If the residuals are not white, the half widths grow by the largest factor by which those of
-   !> the parameters do.
-   !>
-   !> count  number of modes for each record; the mesh may have fewer
-   !> modes  of all records, record by record
-   !> error  roots that cannot be found
    !> finer  a finer mesh; the half widths then include the error of the mesh
    subroutine fitted_modes(mesh, fit, count, modes, error, finer)
       type(mesh_t), intent(in) :: mesh
@@ -49,67 +56,26 @@ contains
       type(fitted_mode_t), allocatable, intent(out) :: modes(:)
       type(error_t), allocatable, intent(out) :: error
       type(mesh_t), intent(in), optional :: finer
-      complex(wp), allocatable :: s(:), ds(:, :), exact(:), ignored(:, :)
-      logical, allocatable :: together(:), exact_together(:)
-      integer :: k, n, r
+      type(mode_finder_t) :: finder, finer_finder
+      type(fitted_mode_t), allocatable :: exact(:)
+      integer, allocatable :: here(:), there(:)
+      integer :: j, k, r
 
-      allocate (modes(0))
-      n = size(fit%free)
+      call new_mode_finder(mesh, fit, finder, error)
+      if (.not. allocated(error)) call finder%find(fit, count, modes, error)
+      if (.not. allocated(modes)) allocate (modes(0))
+      if (allocated(error) .or. .not. present(finer)) return
+      call new_mode_finder(finer, fit, finer_finder, error)
+      if (.not. allocated(error)) call finer_finder%find(fit, count, exact, error)
+      if (allocated(error)) return
       do r = 1, size(fit%scenario%structures)
-         call roots_on(mesh, fit, r, count, s, ds, together, error)
-         if (allocated(error)) return
-         do k = 1, size(s)
-            modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
-         end do
-         if (.not. present(finer)) cycle
-         call roots_on(finer, fit, r, size(s), exact, ignored, exact_together, error)
-         if (allocated(error)) return
-         do k = 1, min(size(s), size(exact))
-            associate (mode => modes(size(modes) - size(s) + k))
-               ! On the finer mesh the estimates would be others.
-               if (allocated(fit%mesh_shift)) exact(k) = exact(k) &
-                  + sum(ds(k, :n)*fit%mesh_shift(:n), mask=acting(fit, r))
-               call mode%add_error(exact(k))
-            end associate
+         here = pack([(k, k=1, size(modes))], modes%record == r)
+         there = pack([(k, k=1, size(exact))], exact%record == r)
+         do j = 1, min(size(here), size(there))
+            call modes(here(j))%add_error(exact(there(j))%s + modes(here(j))%shift)
          end do
       end do
    end subroutine fitted_modes
-
-   !> Computes the lowest roots of the structure of a record on a mesh, and their derivatives.
-   !>
-   !> s, ds, together  as in `lowest_roots` of the solver `modal`
-   subroutine roots_on(mesh, fit, record, count, s, ds, together, error)
-      type(mesh_t), intent(in) :: mesh
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: record, count
-      complex(wp), allocatable, intent(out) :: s(:), ds(:, :)
-      logical, allocatable, intent(out) :: together(:)
-      type(error_t), allocatable, intent(out) :: error
-      type(modal_t) :: solver
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(work_t) :: work
-
-      associate (structure => fit%scenario%structures(record))
-         galerkin = galerkin_of(mesh, structure, moving=fit%free)
-         call solver%prepare(galerkin, error)
-         if (allocated(error)) return
-         equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
-         call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
-            together, work, error)
-      end associate
-   end subroutine roots_on
-
-   !> Returns which free parameters act on the structure of a record.
-   function acting(fit, record) result(acts)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: record
-      logical :: acts(size(fit%free))
-
-      associate (owner => fit%quantities(:size(fit%free))%record)
-         acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
-      end associate
-   end function acting
 
    !> Adds the distance to a root on a finer mesh to the half widths, and a tenth of it for the
    !> error of the finer mesh.
@@ -123,6 +89,61 @@ contains
       if (self%damping_half_width < unlimited .and. abs(exact) > 0) self%damping_half_width = &
          self%damping_half_width + more*abs(real(exact)/abs(exact) + self%damping_ratio)
    end subroutine add_error
+
+   !> Prepares the meshes of the structures of a fit.
+   !>
+   !> error  a mesh without modes
+   subroutine new_mode_finder(mesh, fit, finder, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      type(mode_finder_t), intent(out) :: finder
+      type(error_t), allocatable, intent(out) :: error
+      integer :: r
+
+      associate (structures => fit%scenario%structures)
+         allocate (finder%galerkin(size(structures)), finder%solver(size(structures)))
+         do r = 1, size(structures)
+            finder%galerkin(r) = galerkin_of(mesh, structures(r), moving=fit%free)
+            call finder%solver(r)%prepare(finder%galerkin(r), error)
+            if (allocated(error)) return
+         end do
+      end associate
+   end subroutine new_mode_finder
+
+   !> Computes the lowest modes of each record's structure, the oscillating ones first.
+   !>
+   !> If the residuals are not white, the half widths grow by the largest factor by which those of
+   !> the parameters do.
+   !>
+   !> count  number of modes for each record; the mesh may have fewer
+   !> modes  of all records, record by record
+   !> error  roots that cannot be found
+   subroutine find(self, fit, count, modes, error)
+      class(mode_finder_t), intent(inout), target :: self
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: count
+      type(fitted_mode_t), allocatable, intent(out) :: modes(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(equations_t), target :: equations
+      type(work_t) :: work
+      complex(wp), allocatable :: s(:), ds(:, :)
+      integer, allocatable :: free(:)
+      logical, allocatable :: together(:)
+      integer :: k, r
+
+      allocate (modes(0), free(0))
+      if (fit%statistics%samples > 0) free = fit%free
+      do r = 1, size(self%solver)
+         equations = new_equations(self%galerkin(r), fit%scenario%structures(r), &
+            new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
+         call self%solver(r)%lowest_roots(equations, free, min(count, self%galerkin(r)%space%n), s, &
+            ds, together, work, error)
+         if (allocated(error)) return
+         do k = 1, size(s)
+            modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
+         end do
+      end do
+   end subroutine find
 
    !> Returns a mode with its intervals.
    !>
@@ -158,7 +179,10 @@ contains
          if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
          t = scale*statistics%quantile
-         acts = acting(fit, record)
+         associate (owner => fit%quantities(:n)%record)
+            acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
+         end associate
+         if (allocated(fit%mesh_shift)) mode%shift = sum(ds*fit%mesh_shift(:n), mask=acts)
          modulus_derivative = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, acts)
          damping_derivative = merge(-real(ds)/abs(s), 0.0_wp, acts) &
             + real(s)*modulus_derivative/abs(s)**2

@@ -5,10 +5,12 @@ module beamid_inference_outputs
    use beamid_case_fits, only: case_fit_t
    use beamid_case_inferences, only: case_inference_t
    use beamid_errors, only: error_t
-   use beamid_inference_reports, only: add_bootstrap, add_posterior, add_profiles
+   use beamid_inference_reports, only: add_bootstrap, add_posterior, add_profiles, &
+      posterior_header
    use beamid_interrupts, only: check_interrupt
    use beamid_intervals, only: interval_summary, interval_t, interval_table, linear_intervals, &
       read_intervals
+   use beamid_number_tables, only: add_number_table, number_table_t
    use beamid_outputs, only: output_t
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
@@ -37,11 +39,12 @@ contains
       !> The computation was interrupted: tables and summary are incomplete.
       type(error_t), allocatable, intent(out) :: error
       type(interval_t), allocatable :: intervals(:)
-      type(text_t) :: text, profiles, draws, motion, modes, estimates
+      type(text_t) :: text, profiles, motion, modes, estimates
+      type(number_table_t), allocatable :: draws
       type(text_t) :: remarks(size(inferences))
       integer :: k
 
-      allocate (intervals(0))
+      allocate (intervals(0), draws)
       do k = 1, size(inferences)
          associate (last => found%fits(size(found%fits, 1), k), here => inferences(k))
             if (allocated(here%sides)) call add_profiles(case, last, here%sides, profiles, &
@@ -66,7 +69,8 @@ contains
          end associate
       end do
       call add('profiles.csv', profiles)
-      call add('posterior.csv', draws)
+      if (draws%rows > 0) call add_number_table(output, 'posterior.csv', &
+         posterior_header(found%fits(size(found%fits, 1), 1)), draws)
       call add('posterior_motion.csv', motion)
       call add('posterior_modes.csv', modes)
       call add('bootstrap.csv', estimates)

@@ -6,13 +6,14 @@ module beamid_inference_reports
    use beamid_chains, only: mean_and_deviation, quantile
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
-   use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
+   use beamid_fitted_modes, only: fitted_mode_t, mode_finder_t, new_mode_finder
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_inference, only: posterior_draws_t
    use beamid_intervals, only: append_interval, end_words, interval_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
+   use beamid_number_tables, only: number_table_t
    use beamid_profile_likelihood, only: is_lost, side_t
    use beamid_resampling, only: percentile_interval
    use beamid_sampling, only: chains
@@ -23,7 +24,7 @@ module beamid_inference_reports
    implicit none
    private
 
-   public :: add_profiles, add_posterior, add_bootstrap
+   public :: add_profiles, add_posterior, add_bootstrap, posterior_header
 
 contains
 
@@ -97,9 +98,17 @@ contains
       end do
    end function names
 
+   !> Returns the header of posterior.csv: chain, draw, elements, log density, parameters.
+   function posterior_header(fit) result(header)
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: header
+
+      header = 'chain,draw,elements,lp'//names(fit)
+   end function posterior_header
+
    !> Adds the posterior draws of a fit.
    !>
-   !> draws      gets the rows of posterior.csv: chain, draw, log density, parameters
+   !> draws      gets the rows of posterior.csv
    !> motion     gets posterior_motion.csv: 95 % intervals of the model's accelerations
    !> modes      gets posterior_modes.csv: natural modes for some of the draws
    !> intervals  gets the posterior intervals
@@ -111,19 +120,18 @@ contains
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       type(posterior_draws_t), intent(in) :: posterior
-      type(text_t), intent(inout) :: draws, motion, modes, text
+      type(number_table_t), intent(inout) :: draws
+      type(text_t), intent(inout) :: motion, modes, text
       type(interval_t), allocatable, intent(inout) :: intervals(:)
       real(wp), allocatable :: x(:)
       real(wp) :: mean, sd
       integer :: i, k, length
 
       associate (d => posterior%draws)
-         if (draws%is_empty()) call draws%line('chain,draw,elements,lp'//names(fit))
          length = size(d%q, 2)/chains
-         do i = 1, size(d%q, 2)
-            call draws%line(csv_row(to_text((i - 1)/length)//','//to_text(modulo(i - 1, length))// &
-               ','//to_text(fit%elements), [d%log_density(i), d%q(:, i)]))
-         end do
+         call draws%append(reshape([((i - 1)/length, modulo(i - 1, length), fit%elements, &
+            i=1, size(d%q, 2))], [3, size(d%q, 2)]), reshape([(d%log_density(i), d%q(:, i), &
+            i=1, size(d%q, 2))], [1 + size(d%q, 1), size(d%q, 2)]))
          call text%line()
          if (d%weighted) then
             call text%line('posterior: '//to_text(size(d%q, 2))//' draws by importance '// &
@@ -179,6 +187,7 @@ contains
          integer, parameter :: most = 5
          type(stage_fit_t) :: moved
          type(fitted_mode_t), allocatable :: found(:)
+         type(mode_finder_t) :: finder
          type(error_t), allocatable :: error
          integer :: i, j, p
 
@@ -186,12 +195,14 @@ contains
             'draw,elements,record,mode,frequency_hz,damping_ratio')
          moved = fit
          moved%statistics = statistics_t()
+         call new_mode_finder(mesh, fit, finder, error)
+         if (allocated(error)) return
          do i = 1, size(posterior%shown)
             do p = 1, size(fit%free)
                call moved%scenario%set(fit%free(p), fit%quantities(p)%record, &
                   posterior%draws%q(p, posterior%shown(i)))
             end do
-            call fitted_modes(mesh, moved, most, found, error)
+            call finder%find(moved, most, found, error)
             if (allocated(error)) cycle
             do j = 1, size(found)
                call modes%line(csv_row(to_text(posterior%shown(i))//','//to_text(fit%elements)// &

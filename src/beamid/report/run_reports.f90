@@ -20,7 +20,8 @@ module beamid_run_reports
    use beamid_shape_tables, only: add_shapes
    use beamid_strings, only: rounded, to_text
    use beamid_summaries, only: response_summary
-   use beamid_tables, only: add_modes, labels_table, modes_header, record_table, response_table
+   use beamid_tables, only: add_modes, add_record_table, add_response_table, labels_table, &
+      modes_header
    use beamid_texts, only: text_t
    implicit none
    private
@@ -88,13 +89,13 @@ contains
       integer, allocatable :: elements(:)
 
       elements = case%meshes%elements
-      call output%add('response.csv', response_table(elements, simulated%simulations))
+      call add_response_table(output, elements, simulated%simulations)
       ! The record is in the units of the sensor: `identify` undoes scale and offset.
       associate (recording => case%recordings(1), &
          last => simulated%simulations(size(simulated%simulations)))
-         call output%add('record.csv', record_table(simulated%times, (last%acceleration + &
+         call add_record_table(output, simulated%times, (last%acceleration + &
             gaussian_noise(size(simulated%times), case%noise_sd, case%noise_seed)) &
-            /recording%scale + recording%offset))
+            /recording%scale + recording%offset)
       end associate
       call output%add('labels.csv', labels_table(case%units))
       if (.not. simulated%converged) call text%line('warning: mesh: from '// &

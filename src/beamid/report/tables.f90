@@ -8,6 +8,7 @@ module beamid_tables
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, limit
    use beamid_multistart, only: minimum_t
+   use beamid_number_tables, only: add_number_table, number_table_t
    use beamid_outputs, only: output_t
    use beamid_row_tables, only: row_table_t
    use beamid_statistics, only: unlimited
@@ -18,7 +19,7 @@ module beamid_tables
    private
 
    public :: add_fit_tables, add_fitted_modes, add_minima, add_modes
-   public :: response_table, record_table, labels_table
+   public :: add_record_table, add_response_table, labels_table
 
    !> Headers of modes.csv (of `modes` and of fits) and minima.csv.
    character(len=*), parameter, public :: &
@@ -146,27 +147,27 @@ contains
       end associate
    end function error_sources
 
-   !> Returns the table response.csv.
+   !> Adds response.csv.
    !>
    !> elements, simulations  (meshes)
-   function response_table(elements, simulations) result(content)
+   subroutine add_response_table(output, elements, simulations)
+      type(output_t), intent(inout) :: output
       integer, intent(in) :: elements(:)
       type(simulation_t), intent(in) :: simulations(:)
-      character(len=:), allocatable :: content
-      type(text_t) :: text
+      type(number_table_t), allocatable :: table
       integer :: j, k
 
-      call text%line('elements,t,force,displacement,velocity,acceleration')
+      allocate (table)
       do j = 1, size(simulations)
          associate (s => simulations(j), r => simulations(j)%response)
-            do k = 1, size(r%t)
-               call text%line(csv_row(to_text(elements(j)), [r%t(k), s%force(k), &
-                  r%displacement(k), r%velocity(k), s%acceleration(k)]))
-            end do
+            call table%append(spread([elements(j)], 2, size(r%t)), reshape([(r%t(k), s%force(k), &
+               r%displacement(k), r%velocity(k), s%acceleration(k), k=1, size(r%t))], &
+               [5, size(r%t)]))
          end associate
       end do
-      content = text%content()
-   end function response_table
+      call add_number_table(output, 'response.csv', &
+         'elements,t,force,displacement,velocity,acceleration', table)
+   end subroutine add_response_table
 
    !> Adds rows of modes.csv: frequency_hz is |s|/(2 pi), damping_ratio is -Re(s)/|s|.
    !>
@@ -237,21 +238,20 @@ contains
       end do
    end subroutine add_minima
 
-   !> Returns a record as a table that `identify` can read.
+   !> Adds record.csv, which `identify` can read.
    !>
    !> t, acceleration  (samples) [time], [length/time**2]
-   function record_table(t, acceleration) result(content)
+   subroutine add_record_table(output, t, acceleration)
+      type(output_t), intent(inout) :: output
       real(wp), intent(in) :: t(:), acceleration(:)
-      character(len=:), allocatable :: content
-      type(text_t) :: text
+      type(number_table_t), allocatable :: table
       integer :: k
 
-      call text%line('t,acceleration')
-      do k = 1, size(t)
-         call text%line(csv_row(full(t(k)), acceleration(k:k)))
-      end do
-      content = text%content()
-   end function record_table
+      allocate (table)
+      call table%append(reshape([integer ::], [0, size(t)]), reshape([(t(k), acceleration(k), &
+         k=1, size(t))], [2, size(t)]))
+      call add_number_table(output, 'record.csv', 't,acceleration', table)
+   end subroutine add_record_table
 
    !> Returns the table labels.csv with the units, for the plots.
    function labels_table(units) result(content)
