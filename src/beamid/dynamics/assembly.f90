@@ -725,7 +725,8 @@ contains
       do k = 1, size(self%row)
          if (self%row(k) > 0 .and. operators(k)%is_grounded) self%base_coupling(self%row(k)) = 1
       end do
-      self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%velocity_load) > 0)
+      self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%velocity_load) > 0) .or. &
+         any(abs(self%velocity_load_slope) > 0)
 
    contains
 
