@@ -3,11 +3,10 @@
 !>
 !> With the decomposition A = Q R, |A x + y| = |R x + Q'y| + |y - Q Q'y| in squares, for every x. R
 !> and Q'y need one pass over blocks of rows: R is Cholesky's factor of A'A with columns of length
-!> one. If the remainder is small or the condition of A not good, a second pass forms y - A c with
-!> c = R**-1 Q'y and corrects Q'y, so that the remainder keeps its digits. If the condition is poor,
-!> R is improved by a decomposition of A R**-1 (CholeskyQR2: Yamamoto et al., Electron. Trans.
-!> Numer. Anal. 44, 2015, 306). If that fails, Householder reflections decompose the blocks one after
-!> the other.
+!> one. A second pass forms y - A c with c = R**-1 Q'y and corrects Q'y, so that a small remainder
+!> keeps its digits. If the condition of A is poor, R is improved by a decomposition of A R**-1
+!> (CholeskyQR2: Yamamoto et al., Electron. Trans. Numer. Anal. 44, 2015, 306). If that fails,
+!> Householder reflections decompose the blocks one after the other.
 module beamid_condensation
    use beamid_kernels, only: add_products, block_rows, subtract_columns
    use beamid_kinds, only: wp
@@ -56,10 +55,6 @@ module beamid_condensation
    !> Condition above which Cholesky's factor is improved, and above which reflections are used.
    real(wp), parameter :: poor = 1e4_wp, very_poor = 1e8_wp
 
-   !> One pass suffices up to this condition, and for a remainder of y whose share of |y|**2 is not
-   !> smaller. The errors are then at most 1e-10 of J and, with 10**6 rows, 1e-7 standard errors of y.
-   real(wp), parameter :: good = 30, large_share = 1e-5_wp
-
    !> Number of rows below which nothing is gained.
    integer, parameter, public :: few_rows = 4*block_rows
 
@@ -99,18 +94,11 @@ contains
       if (present(only_factor)) then
          if (only_factor) return
       end if
-      condensed%y = products(:k, k + 1)
       if (is_improved) then
-         call divide_transposed(factor, condensed%y)
-         call project(rows, x, factor, condensed, first)
-         return
+         call project(rows, x, products(:k, k + 1), factor, condensed, first)
+      else
+         call project(rows, x, products(:k, k + 1), first, condensed)
       end if
-      call divide_transposed(first, condensed%y)
-      associate (total => products(k + 1, k + 1))
-         condensed%left = sqrt(max(0.0_wp, total - sum(condensed%y**2)))
-         if (condition <= good .and. condensed%left**2 >= large_share*total) return
-      end associate
-      call project(rows, x, first, condensed)
    end subroutine condense
 
    !> Computes the products of all columns.
@@ -193,21 +181,23 @@ contains
       end do
    end subroutine factorize
 
-   !> Corrects Q'y, and computes what is left of y.
+   !> Computes Q'y and what is left of y, and corrects them once.
    !>
-   !> factor     (k, k) R of A or, with `divisor`, of A divisor**-1
-   !> condensed  in and out: Q'y; out: what is left
-   !> divisor    as in `multiply`
-   subroutine project(rows, x, factor, condensed, divisor)
+   !> along    (k) A'y
+   !> factor   (k, k) R of A or, with `divisor`, of A divisor**-1
+   !> divisor  as in `multiply`
+   subroutine project(rows, x, along, factor, condensed, divisor)
       class(rows_t), intent(in) :: rows
       real(wp), intent(inout), contiguous :: x(:, :)
-      real(wp), intent(in) :: factor(:, :)
+      real(wp), intent(in) :: along(:), factor(:, :)
       type(condensed_t), intent(inout) :: condensed
       real(wp), intent(in), optional :: divisor(:, :)
-      real(wp) :: c(size(factor, 1)), still(size(c)), total
+      real(wp) :: c(size(along)), still(size(along)), total
       integer :: first, k
 
-      k = size(c)
+      k = size(along)
+      condensed%y = along
+      call divide_transposed(factor, condensed%y)
       c = condensed%y
       call divide(factor, c)
       still = 0

@@ -17,12 +17,10 @@ module beamid_kernels
    integer, parameter, public :: block_rows = 128
    !> Number of samples for which one exponential is computed.
    integer, parameter :: chunk = 32
-   !> Degrees of Taylor polynomials, and the largest arguments for which the first neglected term,
-   !> relative to e**x, is below 2**-54.
-   integer :: i
-   integer, parameter :: highest = 14
-   real(wp), parameter :: limits(highest) = [((0.5_wp**54*gamma(i + 2.0_wp))**(1/(i + 1.0_wp)), &
-      i=1, highest)]
+   !> Degrees of Taylor polynomials, and the largest arguments for which their relative error is
+   !> below 2**-54.
+   integer, parameter :: degrees(3) = [2, 7, 14]
+   real(wp), parameter :: limits(3) = [6e-6_wp, 3.5e-2_wp, 0.5_wp]
 
    !> The motion e**(s t) at times that lie near a uniform grid.
    !>
@@ -35,7 +33,7 @@ module beamid_kernels
       real(wp), private :: step = 0                  !< of the grid [time]
       real(wp), private :: re(chunk) = 1, im(chunk) = 0     !< e**(s t) on the grid
       !> real and imaginary parts of s**k/k!
-      real(wp), private :: a(0:highest) = 0, b(0:highest) = 0
+      real(wp), private :: a(0:degrees(3)) = 0, b(0:degrees(3)) = 0
    contains
       procedure :: fill
    end type decay_t
@@ -108,7 +106,7 @@ contains
             largest = max(largest, abs(d(j)))
          end do
          largest = largest*abs(self%s)
-         if (.not. largest <= limits(highest)) then
+         if (.not. largest <= limits(3)) then
             do j = first, first + chunk - 1
                e = exponential(self%s, t(j))
                re(j) = real(e)
@@ -124,7 +122,7 @@ contains
             re(first + j - 1) = u
             im(first + j - 1) = v
          end do
-         call multiply(self, count(largest > limits) + 1, d, re(first), im(first))
+         call multiply(self, degrees(count(largest > limits) + 1), d, re(first), im(first))
       end do
    end subroutine fill
 
@@ -134,22 +132,24 @@ contains
       integer, intent(in) :: degree
       real(wp), intent(in) :: d(chunk)
       real(wp), intent(inout) :: re(chunk), im(chunk)
-      integer, parameter :: few = 4   ! samples whose numbers stay in registers
-      real(wp), dimension(few) :: e, p, q, u, v
+      real(wp), dimension(chunk) :: p, q
+      real(wp) :: u
       integer :: j, k
 
-      do j = 1, chunk, few
-         e = d(j:j + few - 1)
-         p = self%a(degree)
-         q = self%b(degree)
-         do k = degree - 1, 0, -1
-            p = self%a(k) + e*p
-            q = self%b(k) + e*q
+      p = self%a(degree)
+      q = self%b(degree)
+      do k = degree - 1, 0, -1
+         !$omp simd
+         do j = 1, chunk
+            p(j) = self%a(k) + d(j)*p(j)
+            q(j) = self%b(k) + d(j)*q(j)
          end do
-         u = re(j:j + few - 1)
-         v = im(j:j + few - 1)
-         re(j:j + few - 1) = u*p - v*q
-         im(j:j + few - 1) = u*q + v*p
+      end do
+      !$omp simd private(u)
+      do j = 1, chunk
+         u = re(j)
+         re(j) = u*p(j) - im(j)*q(j)
+         im(j) = u*q(j) + im(j)*p(j)
       end do
    end subroutine multiply
 
