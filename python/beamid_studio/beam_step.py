@@ -26,7 +26,7 @@ ENDS = {"root": {"clamped": "clamped", "pinned": "pinned", "guided": "guided", "
 #: What the record is shown as, by its kind.
 HEADINGS = {"time": "Spectrum of the window; dashed: these modes",
             "frf": "Measured frequency response; dashed: these modes",
-            "modes": "Measured modes beside these"}
+            "modes": "Measured modes and modes of the beam"}
 #: Groups with fields of their own; others are kept as they are.
 WITH_FIELDS = {"units", "beam", "end", "tip", "mass", "sensor", "support", "excitation", "record",
                "stage", "prior"}

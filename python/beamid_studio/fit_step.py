@@ -182,6 +182,8 @@ class FitStep:
     async def fit(self) -> None:
         """Write what has changed, run the program, and show what it found."""
         await self.studio.write_records()
+        if self.session.page is None:    # the tab has been closed
+            return
         result: Result | None = await self.session.fit()
         page = self.session.page    # perhaps another one by now
         if page is None:

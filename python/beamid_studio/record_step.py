@@ -21,8 +21,8 @@ QUANTITIES = ["accelerance", "mobility", "receptance"]
 #: Texts of the panel by the kind of the record.
 NAMES = {"time": "Acceleration", "frf": "Frequency response", "modes": "Table"}
 SCALES = {"time": "Factor to m/s²", "frf": "Factor to units of the case", "modes": ""}
-TITLES = {"time": "Record", "frf": "Frequency response; dashed: those of the beam",
-          "modes": "Measured modes beside those of the beam"}
+TITLES = {"time": "Record", "frf": "Frequency response; dashed: natural frequencies of the beam",
+          "modes": "Measured modes and modes of the beam"}
 ADVICE = {"time": "Drag across the record. Begin when hands and tools have let go; end while the "
           "signal is above the noise.", "frf": "Drag across the frequencies. Leave out those that "
           "the blow or the shaker did not reach.", "modes": ""}

@@ -236,6 +236,9 @@ def modes_of(table: Any) -> list[ModalTable]:
     A table with frequencies that is neither this nor a frequency response ends the reader.
     """
     pairs = [frequency_tables.named(name) for name in table.names]
+    if any(stem.lower() in text_tables.TIMES or text_tables.time_unit(unit)
+           for stem, unit in pairs):
+        return []
     places = {key: next((k for k, (stem, unit) in enumerate(pairs) if stem.lower() in stems
                          and unit.lower() in ("", "hz")), None) for key, stems in MODAL.items()}
     if places["frequencies"] is None:

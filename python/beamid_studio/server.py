@@ -208,6 +208,7 @@ class Tabs:
     def connected(self, client: Any) -> None:
         """Take note of a tab."""
         self.open.add(client.id)
+        self.asleep.discard(client.id)
         if self.pending:
             self.pending.cancel()
 

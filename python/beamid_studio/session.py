@@ -19,7 +19,7 @@ from beamid_studio.records import Force, Record
 #: A case to begin with: metres, newtons, seconds and kilograms, a free decay.
 NEW = """&units length='m', force='N', time='s', mass='kg' /
 &excitation kind='free', modes=3 /
-&record file='record.csv' /
+&record /
 &stage free='E','c_D','gamma','offset' /
 &prior parameter='length', sd=0.001 /
 &prior parameter='height', sd=2e-5 /

@@ -192,7 +192,8 @@ def modal(table: Any, modes: np.ndarray, damping: np.ndarray) -> Any:
     table  measured modes; without numbers, each is compared with the nearest mode of the model
     """
     measured = np.asarray(table.frequencies, float)
-    places = (np.asarray(table.modes, int) - 1 if table.modes is not None else
+    numbered = table.modes is not None and np.isfinite(table.modes).all()
+    places = (np.asarray(table.modes, int) - 1 if numbered else
               np.abs(measured[:, None] - modes).argmin(axis=1) if len(modes) else
               np.argsort(np.argsort(measured)))
     known = (places >= 0) & (places < len(modes))

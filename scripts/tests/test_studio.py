@@ -883,6 +883,63 @@ def test_case_of_the_page():
     assert (remark.field, remark.advice) == (("stage", "k_r"), "k_R")
 
 
+TABLES = {    # text: kind, chosen names, keys of &record
+    "frequency_hz,real,imag,sd\n1,2,3,0.1\n2,3,4,0.1\n": ("frf", ["FRF"], {
+        "quantity": ["'accelerance'"]}),
+    "f [Hz];mag H1 [g/N];phase H1 [deg]\n1;2;3\n2;3;9\n": ("frf", ["FRF h1 [g/N]"], {
+        "quantity": ["'accelerance'"], "scale": ["9.80665"]}),
+    "mode,frequency_hz,sd_hz\n1,6.3,0.02\n2,40,0.1\n": ("modes", ["modes [Hz]"], {}),
+    "t,f,sd\n0,1,2\n0.1,2,1\n0.2,1,2\n": ("time", ["f", "sd"], {}),
+    "time_s,a [g],frequency_hz\n0,1,2\n0.1,2,1\n0.2,1,2\n": ("time", ["a [g]", "frequency_hz"], {
+        "scale": ["9.80665"]}),
+}
+
+
+@pytest.mark.parametrize("text", TABLES)
+def test_kind_of_a_file(tmp_path, text):
+    """Columns tell a record in time, a frequency response and a table of modes apart."""
+    from beamid_studio import recordings
+    kind, names, keys = TABLES[text]
+    (tmp_path / "table.csv").write_text(text)
+    found = recordings.read(tmp_path / "table.csv")
+    assert (found.kind, [name for name, _ in found.channels], found.keys) == (kind, names, keys)
+    found.write(tmp_path / "written.csv")
+    written = (tmp_path / "written.csv").read_text()
+    assert ("imag,sd\n1.0,2.0,3.0,0.1\n" in written) == ("imag,sd" in text)
+    if kind == "modes":
+        assert written == "frequency_hz,sd_hz,mode\n6.3,0.02,1\n40,0.1,2\n"
+    again = recordings.read(tmp_path / "written.csv")
+    assert again.kind == kind and np.array_equal(again.samples()[1], found.samples()[1])
+
+
+def test_session_of_a_tab(tmp_path):
+    """A session goes to its tab again, to no other tab while it is shown, and few are kept."""
+    from beamid_studio.session import KEPT, Session
+
+    class Page:
+        is_connected = True
+
+    memory = {}
+    first = Session.of_tab(memory, "a", tmp_path, 10**6)
+    first.page = page = Page()
+    assert Session.of_tab(memory, "a", tmp_path, 10**6) is first      # a reload
+    copied = dict(memory)                                             # a duplicated tab
+    second = Session.of_tab(copied, "b", tmp_path, 10**6)
+    assert second is not first and copied != memory
+    first.leave(Page(), asleep=False)    # an earlier page of the tab
+    assert first.page is page
+    first.leave(page, asleep=True)
+    assert Session.of_tab(dict(memory), "c", tmp_path, 10**6) is first    # a tab that was discarded
+    for k in range(KEPT + 3):
+        session = Session.of_tab({}, f"d{k}", tmp_path, 10**6)
+        session.page = page
+        session.leave(page, asleep=False)
+    kept = [one for one in Session.every.values() if one.page is None]
+    assert len(kept) == KEPT and first.closed
+    Session.close_all()
+    assert not Session.every
+
+
 def test_needs_nothing_for_import():
     """The package beamid can be imported without what the studio needs."""
     code = ("import json, sys, beamid; print(json.dumps([name for name in ('nicegui', 'plotly', "
