@@ -7,7 +7,8 @@
 !> If the weight by the polynomial is w, and by the density c w, these draws get the weight
 !> w (1 + (c - 1)/share) and the others w. The mean of this random weight is c w, so that the draws
 !> are still those of p (Fearnhead, Papaspiliopoulos and Roberts, J. R. Statist. Soc. B 70, 2008,
-!> 755). Its scatter counts in the effective sample size.
+!> 755). Its scatter counts in the effective sample size. If such a weight is not positive, p is
+!> computed at all draws.
 module beamid_sampling
    use beamid_chains, only: bulk_size, scale_reduction, tail_size
    use beamid_densities, only: density_t, impossible
