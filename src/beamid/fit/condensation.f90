@@ -6,8 +6,8 @@
 !> one. If the remainder is small or the condition of A not good, a second pass forms y - A c with
 !> c = R**-1 Q'y and corrects Q'y, so that the remainder keeps its digits. If the condition is poor,
 !> R is improved by a decomposition of A R**-1 (CholeskyQR2: Yamamoto et al., Electron. Trans.
-!> Numer. Anal. 44, 2015, 306). If that fails, Householder reflections decompose the blocks one after
-!> the other.
+!> Numer. Anal. 44, 2015, 306). If that fails, Householder reflections decompose the blocks one
+!> after the other.
 module beamid_condensation
    use beamid_kernels, only: add_products, block_rows, subtract_columns
    use beamid_kinds, only: wp
@@ -57,7 +57,7 @@ module beamid_condensation
    real(wp), parameter :: poor = 1e4_wp, very_poor = 1e8_wp
 
    !> One pass suffices up to this condition, and for a remainder of y whose share of |y|**2 is not
-   !> smaller. The errors are then at most 1e-10 of J and, with 10**6 rows, 1e-7 standard errors of y.
+   !> smaller. The errors are then at most 1e-10 of J and, with 10**6 rows, 1e-7 standard errors.
    real(wp), parameter :: good = 30, large_share = 1e-5_wp
 
    !> Number of rows below which nothing is gained.

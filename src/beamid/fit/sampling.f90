@@ -2,9 +2,9 @@
 !> distribution that is fitted to the density (`beamid_proposals`), or by Markov chains if the
 !> weights show that importance sampling fails. The posterior distribution of a fit is sampled here.
 !>
-!> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) stands in
-!> for it, and the density p itself is computed only for a random share of the draws there. If the
-!> weight by the polynomial is w, and by the density c w, these draws get the weight
+!> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) stands
+!> in for it, and the density p itself is computed only for a random share of the draws there. If
+!> the weight by the polynomial is w, and by the density c w, these draws get the weight
 !> w (1 + (c - 1)/share) and the others w. The mean of this random weight is c w, so that the draws
 !> are still those of p (Fearnhead, Papaspiliopoulos and Roberts, J. R. Statist. Soc. B 70, 2008,
 !> 755). Its scatter counts in the effective sample size. If such a weight is not positive, p is
