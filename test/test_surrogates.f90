@@ -1,5 +1,5 @@
-!> Polynomials in place of a density: exact for polynomials, compared often where they are wrong, and
-!> without influence on the distribution of draws.
+!> Polynomials in place of a density: exact for polynomials, compared often where they are wrong,
+!> and without influence on the distribution of draws.
 program test_surrogates
    use beamid_densities, only: impossible
    use beamid_errors, only: error_t
@@ -111,8 +111,8 @@ contains
          to_text(found%evaluations))
    end subroutine test_effort
 
-   !> A normal density with short waves, which no polynomial follows: the mean of the waves is that of
-   !> a numerical integral. Without the comparisons, it would be 0.
+   !> A normal density with short waves, which no polynomial follows: the mean of the waves is that
+   !> of a numerical integral. Without the comparisons, it would be 0.
    subroutine test_wave()
       type(wave_t) :: density
       type(draws_t) :: found

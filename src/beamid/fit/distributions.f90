@@ -172,8 +172,8 @@ contains
 
    !> Returns the quantile of the standard normal distribution for a probability in (0, 1), by
    !> Newton's method on the logarithm of the tail, from the approximation 26.2.23 of Abramowitz and
-   !> Stegun. This function is concave: the iteration passes the root at most once and then converges
-   !> from one side.
+   !> Stegun. This function is concave: the iteration passes the root at most once and then
+   !> converges from one side.
    elemental real(wp) function normal_quantile(probability) result(x)
       real(wp), intent(in) :: probability
       real(wp), parameter :: root_of_2_pi = sqrt(2*acos(-1.0_wp))

@@ -2,9 +2,9 @@
 !> distribution that is fitted to the density (`beamid_proposals`), or by Markov chains if the
 !> weights show that importance sampling fails. The posterior distribution of a fit is sampled here.
 !>
-!> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) therefore
-!> stands in for it, and the density p itself is computed only for a random share of the draws there.
-!> If the weight by the polynomial is w, and by the density c w, these draws get the weight
+!> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) stands
+!> in for it, and the density p itself is computed only for a random share of the draws there. If
+!> the weight by the polynomial is w, and by the density c w, these draws get the weight
 !> w (1 + (c - 1)/share) and the others w. The mean of this random weight is c w, so that the draws
 !> are still those of p (Fearnhead, Papaspiliopoulos and Roberts, J. R. Statist. Soc. B 70, 2008,
 !> 755). Its scatter counts in the effective sample size. If such a weight is not positive, p is
@@ -205,8 +205,8 @@ contains
    !> value        (wanted) log density of the parameters
    !> log_weight   (wanted) log of the density of the coordinates over that of the proposal
    !> evaluations  number of evaluations of the density, of which those of this call are added
-   recursive subroutine draw_more(density, proposal, surrogate, seed, wanted, y, value, log_weight, &
-      evaluations, monitor)
+   recursive subroutine draw_more(density, proposal, surrogate, seed, wanted, y, value, &
+      log_weight, evaluations, monitor)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
       type(surrogate_t), intent(inout) :: surrogate

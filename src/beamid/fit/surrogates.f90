@@ -1,6 +1,6 @@
 !> Polynomials that stand in for the logarithm of a density near its mode. A polynomial is fitted to
-!> some draws and tested by others. Its largest error in the test tells how often it must be compared
-!> with the density.
+!> some draws and tested by others. Its largest error in the test tells how often it must be
+!> compared with the density.
 module beamid_surrogates
    use beamid_condensation, only: condense_matrix, condensed_t
    use beamid_densities, only: impossible
@@ -128,9 +128,9 @@ contains
       square_of = sum((y/merge(self%width(:, 1), self%width(:, 2), y < 0))**2)
    end function square_of
 
-   !> Returns the share of the draws at y at which the density is to be computed as well; 1 where the
-   !> polynomial does not hold. In the test, the logarithm of the density was wrong by less than half
-   !> of this share.
+   !> Returns the share of the draws at y at which the density is to be computed as well; 1 where
+   !> the polynomial does not hold. In the test, the logarithm of the density was wrong by at most
+   !> half of this share.
    pure real(wp) function share(self, y)
       class(surrogate_t), intent(in) :: self
       real(wp), intent(in) :: y(:)

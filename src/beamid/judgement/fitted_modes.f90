@@ -33,8 +33,8 @@ module beamid_fitted_modes
       procedure, private :: add_error
    end type fitted_mode_t
 
-   !> Finds the modes of fits that differ in the values of their parameters alone, each from those of
-   !> the fit before.
+   !> Finds the modes of fits that differ in the values of their parameters alone, each from those
+   !> of the fit before.
    type :: mode_finder_t
       private
       type(galerkin_t), allocatable :: galerkin(:)   !< (records)
@@ -136,8 +136,8 @@ contains
       do r = 1, size(self%solver)
          equations = new_equations(self%galerkin(r), fit%scenario%structures(r), &
             new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
-         call self%solver(r)%lowest_roots(equations, free, min(count, self%galerkin(r)%space%n), s, &
-            ds, together, work, error)
+         call self%solver(r)%lowest_roots(equations, free, min(count, &
+            self%galerkin(r)%space%n), s, ds, together, work, error)
          if (allocated(error)) return
          do k = 1, size(s)
             modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
