@@ -113,7 +113,6 @@ program test_derivatives
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_observation, only: observation_t, new_sampling
    use beamid_parameters, only: amplitude, free_names, get_free, magnitude, parameters
@@ -123,6 +122,7 @@ program test_derivatives
    use beamid_strings, only: to_text
    use beamid_structure, only: hose_t, of_c_D, of_c_H, of_E, of_k_H, of_m_H, of_m_T, of_rho, &
       structure_t
+   use beamid_tracked_poles, only: assemble
    use checks, only: check, check_close, finish
    use exact_motions, only: as_columns, exact, galerkin, kinds, motion_columns, prepare, solver
    use full_matrices, only: qp
@@ -212,7 +212,7 @@ contains
       base%mu = modes%mu
       base%tip = modes%tip
       ! The hose, where there is one, comes last and bears no load.
-      base%load = assembly%load(:assembly%beam)
+      base%load = assembly%load%total(:assembly%layout%beam)
       base%I = e%structure%I
       base%q = [(real(e%structure%get(all_of_them(k)), qp), k=1, 7)]
       base%s = poles%s

@@ -2,12 +2,11 @@
 module other_kinds
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
-   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observed_data, only: observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: exact_solver_t, work_t
-   use beamid_structure, only: of_E, structure_t
+   use beamid_structure, only: of_E
    implicit none
    private
 
@@ -30,14 +29,9 @@ module other_kinds
 contains
 
    !> Of the parameters in this test, the deflections of a clamped beam depend on E alone.
-   subroutine evaluate_deflections(self, model, structure, excitation, offset, parameters, y, dy, &
-      linear, work, error, first)
+   subroutine evaluate_deflections(self, trial, y, dy, linear, work, error, first)
       class(deflections_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
@@ -45,22 +39,17 @@ contains
       type(seen_modes_t), intent(inout) :: first
       integer :: k
 
-      if (offset) call failure(error, 'deflections have no offset')
-      y = [(self%force*structure%static_deflection(self%places(k)), k=1, size(y))]
-      do k = 1, size(parameters)
-         dy(:, k) = merge(-y/structure%E, 0*y, parameters(k) == of_E)
+      if (trial%offset) call failure(error, 'deflections have no offset')
+      y = [(self%force*trial%structure%static_deflection(self%places(k)), k=1, size(y))]
+      do k = 1, size(trial%parameters)
+         dy(:, k) = merge(-y/trial%structure%E, 0*y, trial%parameters(k) == of_E)
       end do
       y = y - self%measured
    end subroutine evaluate_deflections
 
-   subroutine evaluate_frequencies(self, model, structure, excitation, offset, parameters, y, dy, &
-      linear, work, error, first)
+   subroutine evaluate_frequencies(self, trial, y, dy, linear, work, error, first)
       class(frequencies_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
@@ -68,12 +57,12 @@ contains
       type(seen_modes_t), intent(inout) :: first
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       type(equations_t), target :: equations
-      complex(wp) :: s(size(y)), ds(size(y), size(parameters))
+      complex(wp) :: s(size(y)), ds(size(y), size(trial%parameters))
 
-      equations = new_equations(model%galerkin, structure, excitation)
-      select type (solver => model%solver)
+      equations = new_equations(trial%model%galerkin, trial%structure, trial%excitation)
+      select type (solver => trial%model%solver)
       class is (exact_solver_t)
-         call solver%free_motion(equations, parameters, s, ds, work, error)
+         call solver%free_motion(equations, trial%parameters, s, ds, work, error)
       class default
          call failure(error, 'this method has no modes')
       end select

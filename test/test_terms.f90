@@ -156,10 +156,10 @@ contains
          call check(name//': one name', count(name_of_parameter(s, parameters%place) == name .and. &
             is_there(s, parameters%place)) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
-            .or. any(abs(assembly%change(:, :, k)) > 0) &
-            .or. any(abs(assembly%moves(:, k)) > 0) &
-            .or. any(abs(assembly%dense_slope(:, :, :, k)) > 0) &
-            .or. any(abs(assembly%load_remainder_slope(:, k)) > 0))
+            .or. any(abs(assembly%sensitivities%change(:, :, k)) > 0) &
+            .or. any(abs(assembly%layout%moves(:, k)) > 0) &
+            .or. any(abs(assembly%dense%matrix(:, :, :, k)) > 0) &
+            .or. any(abs(assembly%load%remainder(:, k)) > 0))
          wrong = s
          call wrong%set(k, -1.5_wp)
          call check_structure(wrong, error)

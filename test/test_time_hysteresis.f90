@@ -2,7 +2,7 @@
 !> its motion in time, limits, fits of the parameters, and cases that are refused. `test_benches`
 !> and `test_frequency_responses` test the responses of other structures and their derivatives.
 program test_time_hysteresis
-   use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_assembly, only: assembly_t, new_assembly, root_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
@@ -15,7 +15,6 @@ program test_time_hysteresis
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use beamid_vectors, only: root_t
    use case_answers, only: check_estimates, check_refused, modal_record, nl
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, write_file
@@ -142,17 +141,18 @@ contains
       name = 'accumulation, relaxations '//to_text(relaxations)//': '
       call check(name//'found', .not. allocated(error))
       if (allocated(error)) return
-      call check(name//'number', size(relaxed) == relaxations*assembly%n)
+      call check(name//'number', size(relaxed) == relaxations*assembly%layout%n)
       do l = 1, relaxations
          creep = [real(wp) ::]
          do k = 1, size(relaxed)
             if (relaxed(k)%side /= 2 + l) cycle
-            creep = [creep, assembly%creep(relaxed(k)%origin, l) + real(relaxed(k)%offset)]
+            creep = [creep, assembly%oscillators%creep(relaxed(k)%origin, l) &
+               + real(relaxed(k)%offset)]
          end do
          call check(name//'before the point', all(creep < 0) .and. all(creep > &
-            -assembly%relaxation%lag(l)))
+            -assembly%oscillators%relaxation%lag(l)))
          call check(name//'close to the point', minval(abs(creep)) < 1e-3_wp &
-            *assembly%relaxation%lag(l))
+            *assembly%oscillators%relaxation%lag(l))
          call check(name//'all different', all([(all(abs(creep(:j - 1) - creep(j)) > 1e-3_wp &
             *abs(creep(j))), j=1, size(creep))]))
       end do

@@ -12,9 +12,9 @@
 !> half of the disc is the mirror image of the upper half and all results are real. Otherwise the
 !> complex conjugate disc is included by a factor of two.
 module beamid_clusters
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: distance_between, nearest_pole, root_t
+   use beamid_vectors, only: nearest_pole
    implicit none
    private
 
@@ -89,7 +89,7 @@ contains
 
       cluster%is_origin = .true.
       cluster%zeros = assembly%zeros
-      cluster%m = cluster%zeros + merge(2, 0, assembly%feels_base)
+      cluster%m = cluster%zeros + merge(2, 0, assembly%load%feels_base)
       cluster%on_axis = .true.
       cluster%radius = minval(abs(s), mask=abs(s) > 0)/4
       ! The error is 4**(-2 points) < 1e-17, with a reserve for the powers of z.
@@ -119,7 +119,7 @@ contains
 
       ! Positions relative to the flagged root; the differences of offsets keep their digits.
       do i = 1, size(all)
-         position(i) = distance_between(assembly, all(i), flagged)
+         position(i) = assembly%oscillators%distance_between(all(i), flagged)
       end do
       centre = 0
       on_axis = .false.
@@ -134,7 +134,7 @@ contains
          g = maxval(abs(position - centre), mask=inside)
          o = minval(abs(position - centre), mask=.not. inside)
          ! The double pole at 0 of a base that moves is outside, too.
-         if (assembly%feels_base) o = min(o, abs(flagged%s + centre))
+         if (assembly%load%feels_base) o = min(o, abs(flagged%s + centre))
          radius = max(sqrt(g*o), 0.4_wp*o)
          if (.not. on_axis .and. abs(aimag(flagged%s + centre)) <= radius) then
             on_axis = .true.

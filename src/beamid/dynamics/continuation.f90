@@ -5,21 +5,18 @@
 !> w = x'(s**2 M + s C + K) x, and dw/ds = x'(2 s M + C) x. The vector of a root, which its residue
 !> requires anyway, therefore gives the Newton step.
 module beamid_continuation
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, changes, root_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_matrices, only: size_of
    use beamid_strings, only: to_text
    use beamid_systems, only: find_eigenvector, improve_root
-   use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
+   use beamid_terms, only: of_loss
+   use beamid_vectors, only: find_vector, nearest_pole, vector_t
    implicit none
    private
 
    public :: follow_roots, follow, follow_loss, coincides, with_conjugates, conjugate_of
-
-   !> Message for modes of a modulus that has both a loss factor and relaxations.
-   character(len=*), parameter, public :: loss_beside_relaxation = 'found eta beside time '// &
-      'hysteresis (d_1, d_2), expected one of the two for modes: both are the loss of the modulus'
 
    !> Largest number of steps; from a fair prediction, quadratic convergence takes three or four.
    integer, parameter :: most_steps = 8
@@ -50,7 +47,7 @@ contains
 
       followed = .false.
       if (2*size(root) - count(.not. abs(aimag(root%s)) > 0) /= assembly%roots() .or. &
-         assembly%is_bare()) return
+         assembly%couplings%vanish()) return
       do k = 1, size(root)
          if (.not. abs(root(k)%s) > 0 .and. assembly%zeros > 0) then
             ! A root 0 of the motion as a rigid body stays there.
@@ -99,7 +96,7 @@ contains
       complex(wp) :: step
       real(wp) :: length, before
       logical :: is_real, is_undamped
-      integer :: k, pass
+      integer :: pass
 
       followed = .false.
       is_real = .not. abs(aimag(root%s)) > 0
@@ -107,8 +104,8 @@ contains
       if (is_undamped) root%s = cmplx(0.0_wp, aimag(root%s), wp)
       root%origin = 0
       ! An oscillator that took part in the motion of a similar structure still does.
-      call nearest_pole(assembly, root, keep_j=root%j > 0 .and. root%j <= assembly%n .and. &
-         .not. assembly%is_dense() .and. assembly%relaxation%n == 0)
+      call nearest_pole(assembly, root, keep_j=root%j > 0 .and. root%j <= assembly%layout%n .and. &
+         .not. assembly%is_dense() .and. assembly%oscillators%relaxation%n == 0)
       if (assembly%is_dense()) then
          call improve_root(assembly, root)
          call find_eigenvector(assembly, root, vector)
@@ -118,10 +115,7 @@ contains
       before = huge(before)
       do pass = 1, most_steps
          call find_vector(assembly, root, vector)
-         step = vector%D(root%j)
-         do k = 1, size(assembly%v, 1)
-            step = step + assembly%v(k, root%j)*vector%f(k)
-         end do
+         step = vector%D(root%j) + sum(assembly%layout%v(:, root%j)*vector%f)
          if (.not. size_of(vector%A) > 0) return
          step = -step/vector%A
          if (is_real) step = real(step)
@@ -148,7 +142,7 @@ contains
    !> assembly  of the structure with structural damping
    !> root      in: without it, Im s > 0; out: with it
    !> vector    out: vector of the root
-   !> error     the root was not found
+   !> error     the root was not found, or the modulus has relaxations as well
    subroutine follow_loss(assembly, root, vector, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
@@ -162,9 +156,14 @@ contains
       real(wp) :: share, step
       logical :: followed
 
-      if (assembly%is_bare() .and. .not. assembly%is_dense()) then
+      if (assembly%oscillators%relaxation%n > 0) then
+         call failure(error, 'modal: found eta beside time hysteresis (d_1, d_2), expected one '// &
+            'of the two for modes: both are the loss of the modulus')
+         return
+      end if
+      if (assembly%couplings%vanish() .and. .not. assembly%is_dense()) then
          ! The roots are the poles of the oscillators, which Newton's method reaches only nearly.
-         root = root_t(root%origin, root%origin, s=assembly%pole(root%origin, 1))
+         root = root_t(root%origin, root%origin, s=assembly%oscillators%pole(root%origin, 1))
          call find_vector(assembly, root, vector)
          return
       end if
@@ -189,9 +188,9 @@ contains
             call find_eigenvector(partial, root, vector)
          end if
       end do
-      if (share < 1) call failure(error, 'modal: with eta = '//to_text(assembly%structure%eta)// &
-         ', the mode near the frequency '//to_text(abs(root%s)/two_pi)//' was not found; '// &
-         'try a smaller eta or more elements')
+      if (share < 1) call failure(error, 'modal: with eta = '// &
+         to_text(assembly%given%structure%eta)//', the mode near the frequency '// &
+         to_text(abs(root%s)/two_pi)//' was not found; try a smaller eta or more elements')
    end subroutine follow_loss
 
    !> Returns i x'L x.
@@ -199,11 +198,12 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
 
-      associate (x => vector%x, b => assembly%beam)
-         value = sum(assembly%pencil%l*x**2)
-         if (assembly%is_dense()) value = value + sum(x(:b)*matmul(assembly%dense(:, :, 3), x(:b)))
-      end associate
-      value = (0, 1)*value
+      complex(wp) :: f(changes)
+
+      f = 0
+      f(of_loss) = (0, 1)
+      value = f(of_loss)*sum(assembly%oscillators%l*vector%x**2) &
+         + assembly%dense%bilinear(f, vector%x, vector%x, 0)
    end function loss_product
 
    !> Returns the conjugate root, stored relative to the conjugate pole.
@@ -212,7 +212,8 @@ contains
       type(root_t), intent(in) :: root
 
       conjugate_of = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
-      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) conjugate_of%side = 3 - root%side
+      if (abs(aimag(assembly%oscillators%pole(root%origin, root%side))) > 0) &
+         conjugate_of%side = 3 - root%side
    end function conjugate_of
 
    !> Makes the list of all roots, in the order of `find_roots`: one of each complex pair and of

@@ -9,11 +9,10 @@
 !> roots in z, and S_0 their number; Newton's identities give the polynomial P with these roots. The
 !> mu_k are the coefficients of N/P at infinity, where N/(R P) is the part of h with these poles.
 module beamid_contours
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_clusters, only: cluster_t
    use beamid_kinds, only: wp
    use beamid_transfer, only: transfer_t, transfer_at
-   use beamid_vectors, only: root_t
    implicit none
    private
 
@@ -55,8 +54,8 @@ contains
       type(root_t) :: point
       integer :: i, k, n
 
-      n = size(assembly%parameters)
-      self%parameters = assembly%parameters
+      n = size(assembly%given%parameters)
+      self%parameters = assembly%given%parameters
       allocate (dmu(0:self%m + 1, n), dS(self%m, n), source=(0.0_wp, 0.0_wp))
       mu = 0
       S = 0

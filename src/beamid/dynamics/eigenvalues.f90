@@ -6,15 +6,15 @@
 !> -E/c_D for the slow roots of overdamped modes, which accumulate there.
 module beamid_eigenvalues
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev, dgesv
    use beamid_relaxation_roots, only: restart_root
    use beamid_systems, only: system_at
-   use beamid_terms, only: bending, of_damping, of_mass, of_stiffness
-   use beamid_vectors, only: nearest_pole, root_t
+   use beamid_terms, only: of_mass, of_relaxation
+   use beamid_vectors, only: nearest_pole
    implicit none
    private
 
@@ -52,7 +52,8 @@ contains
       end if
       fastest = maxval(abs(s))
       ! The first shift is to the right of all roots, and close to the lowest.
-      shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
+      shift = 1e-3_wp*minval(abs(assembly%oscillators%pole), &
+         mask=abs(assembly%oscillators%pole) > 0)
       call roots_near(assembly, shift, near)
       ! In units of epsilon, the error of s is |s| of the largest root, and the error of a root from
       ! 1/(s - shift) is |s - shift|**2 over that of the nearest root. Each list is used where its
@@ -60,8 +61,7 @@ contains
       error_of_s = fastest
       if (size(near) > 0) call replace_within(s, near, (0.0_wp, 0.0_wp), &
          sqrt(minval(abs(near - shift))*fastest))
-      associate (E => assembly%strength(bending, of_stiffness), &
-         c_D => assembly%strength(bending, of_damping))
+      associate (E => assembly%oscillators%E, c_D => assembly%oscillators%c_D)
          if (c_D*fastest > E) then
             call check_interrupt(error)
             if (allocated(error)) return
@@ -93,33 +93,35 @@ contains
       complex(wp), allocatable :: others(:)
       integer :: i, info, k, l, n, m, states
 
-      n = assembly%n
-      rigid = assembly%v(pack([(k, k=1, size(assembly%v, 1))], assembly%rigid), :)
+      n = assembly%layout%n
+      rigid = assembly%layout%v(pack([(k, k=1, assembly%layout%r)], assembly%couplings%rigid), :)
       m = n + size(rigid, 1)
-      modes = pack([(i, i=1, n)], [(assembly%relaxes(i), i=1, n)])
-      states = 2*n + size(modes)*assembly%relaxation%n
+      modes = pack([(i, i=1, n)], assembly%oscillators%relaxes)
+      states = 2*n + size(modes)*assembly%oscillators%relaxation%n
       allocate (mass(m, m), b(m, states), a(states, states), source=0.0_wp)
       allocate (pivots(m))
-      call assembly%full_matrices(merge(huge(1.0_wp), assembly%compliance, assembly%rigid), &
-         mass(:n, :n), b(:n, n + 1:2*n), b(:n, :n))
+      call assembly%full_matrices(merge(huge(1.0_wp), assembly%couplings%compliance, &
+         assembly%couplings%rigid), mass(:n, :n), b(:n, n + 1:2*n), b(:n, :n))
       mass(n + 1:, :n) = rigid
       mass(:n, n + 1:) = transpose(rigid)
       others = relaxed%s
       k = 2*n
-      do l = 1, assembly%relaxation%n
-         do i = 1, size(modes)
-            b(modes(i), k + i) = assembly%relaxed(modes(i), l)
-            a(k + i, n + modes(i)) = 1
-            a(k + i, k + i) = -assembly%relaxation%rate(l)
-            if (assembly%is_dense()) b(:assembly%beam, k + i) = b(:assembly%beam, k + i) &
-               + sum(assembly%dense(:, modes(i), 4:), dim=2, mask=spread( &
-               assembly%relaxation%slot == l, 1, assembly%beam))
+      associate (of => assembly%oscillators%relaxation, beam => assembly%layout%beam)
+         do l = 1, of%n
+            do i = 1, size(modes)
+               b(modes(i), k + i) = assembly%oscillators%relaxed(modes(i), l)
+               a(k + i, n + modes(i)) = 1
+               a(k + i, k + i) = -of%rate(l)
+               if (assembly%is_dense()) b(:beam, k + i) = b(:beam, k + i) &
+                  + sum(assembly%dense%matrix(:, modes(i), of_relaxation, 0), dim=2, &
+                  mask=spread(of%slot == l, 1, beam))
+            end do
+            ! What rigid springs hold relaxes by itself.
+            others = [others, spread(cmplx(-of%rate(l), kind=wp), 1, size(modes) &
+               - count(relaxed%side == 2 + l))]
+            k = k + size(modes)
          end do
-         ! What rigid springs hold relaxes by itself.
-         others = [others, spread(cmplx(-assembly%relaxation%rate(l), kind=wp), 1, &
-            size(modes) - count(relaxed%side == 2 + l))]
-         k = k + size(modes)
-      end do
+      end associate
       call dgesv(m, states, mass, m, pivots, b, m, info)
       allocate (s(0))
       if (info /= 0) return
@@ -145,14 +147,14 @@ contains
       complex(wp), allocatable, intent(out) :: s(:)
       complex(wp), allocatable :: P(:, :), dP(:, :)
       real(wp), allocatable :: matrix(:, :), b(:, :), a(:, :)
-      real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
+      real(wp) :: hm(assembly%layout%r, assembly%layout%r)
       complex(wp) :: none(0)
       type(root_t) :: point
       integer, allocatable :: pivots(:)
       integer :: i, info, m, n
 
-      n = assembly%n
-      m = n + size(assembly%v, 1)
+      n = assembly%layout%n
+      m = n + assembly%layout%r
       allocate (P(m, m), dP(m, m), pivots(m))
       allocate (b(m, 2*m), a(2*m, 2*m), source=0.0_wp)
       point%s = shift
@@ -160,10 +162,10 @@ contains
       call system_at(assembly, point, P, dP)
       matrix = real(P)
       b(:, :m) = real(dP)
-      call assembly%coupling(of_mass, assembly%form_at(point%s), hm)
-      b(:n, m + n + 1:) = matmul(assembly%vt, hm)
+      call assembly%couplings%coefficients(of_mass, assembly%couplings%form_at(point%s), hm)
+      b(:n, m + n + 1:) = matmul(assembly%layout%vt, hm)
       do i = 1, n
-         b(i, m + i) = assembly%pencil%m(i)
+         b(i, m + i) = assembly%oscillators%m(i)
       end do
       call dgesv(m, 2*m, matrix, m, pivots, b, m, info)
       allocate (s(0))

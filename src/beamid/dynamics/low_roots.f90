@@ -12,14 +12,14 @@
 !> of W'/W over its circle. The roots that were found are taken out of W before, with the first one
 !> outside, so that a few points serve: what remains is the number of roots that were missed.
 module beamid_low_roots
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_characteristic, only: logarithmic_derivative
    use beamid_continuation, only: coincides, follow
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_starting_roots, only: nudge, starting_points
-   use beamid_terms, only: bending, of_damping, of_stiffness
-   use beamid_vectors, only: nearest_pole, root_t, solve_mass, vector_t
+   use beamid_terms, only: of_stiffness
+   use beamid_vectors, only: allocate_vectors, nearest_pole, solve_mass, vector_t
    implicit none
    private
 
@@ -54,18 +54,18 @@ contains
       logical, intent(out) :: found
       real(wp) :: ratio, springs, least, radius
       logical, allocatable :: known(:)
-      integer :: h, k, n
+      integer :: k, n
 
       found = .false.
-      if (assembly%is_dense() .or. assembly%is_bare() .or. assembly%feels_base .or. &
-         assembly%relaxation%n > 0 .or. assembly%zeros > 0) return
-      if (any(assembly%pencil%l > 0)) return
-      do h = 1, size(assembly%hose)
+      if (assembly%is_dense() .or. assembly%couplings%vanish() .or. assembly%load%feels_base .or. &
+         assembly%oscillators%relaxation%n > 0 .or. assembly%zeros > 0) return
+      if (any(assembly%oscillators%l > 0)) return
+      associate (hose => assembly%couplings%hose)
          ! A hose that is held by its dashpot alone has a root 0.
-         if (assembly%hose(h)%row > 0 .and. .not. assembly%structure%hose(h)%k_H > 0) return
-      end do
+         if (any(hose%row > 0 .and. .not. hose%strength(of_stiffness) > 0)) return
+      end associate
       ! ratio: c_D/E
-      ratio = assembly%strength(bending, of_damping)/assembly%strength(bending, of_stiffness)
+      ratio = assembly%oscillators%c_D/assembly%oscillators%E
       if (rate > 0 .and. .not. ratio > 0) return
       least = 0
       springs = 0
@@ -81,11 +81,8 @@ contains
          call cut(least, modes, root)
       end if
       n = size(root)
-      if (n == 0 .or. n > largest_share*assembly%n) return
-      if (allocated(vector)) then
-         if (size(vector) /= n) deallocate (vector)
-      end if
-      if (.not. allocated(vector)) allocate (vector(n))
+      if (n == 0 .or. n > largest_share*assembly%layout%n) return
+      call allocate_vectors(n, vector)
       allocate (known(n), source=.true.)
       do k = 1, n
          call follow(assembly, root(k), vector(k), found)
@@ -147,27 +144,27 @@ contains
    !> Returns B, the trace of M**-1 K without bending [1/time**2].
    real(wp) function spring_bound(assembly) result(bound)
       type(assembly_t), intent(in) :: assembly
-      real(wp) :: x(assembly%n, size(assembly%v, 1) + size(assembly%hose))
-      real(wp) :: y(size(assembly%v, 1), size(x, 2))
+      real(wp) :: x(assembly%layout%n, assembly%layout%r + size(assembly%layout%hose))
+      real(wp) :: y(assembly%layout%r, size(x, 2))
       integer :: h, k, r
 
       r = size(y, 1)
       bound = 0
-      x(:, :r) = assembly%vt
-      do h = 1, size(assembly%hose)
-         associate (hose => assembly%hose(h))
+      x(:, :r) = assembly%layout%vt
+      do h = 1, size(assembly%layout%hose)
+         associate (hose => assembly%layout%hose(h), vt => assembly%layout%vt)
             x(:, r + h) = 0
-            if (hose%row > 0) x(:, r + h) = assembly%vt(:, hose%row) - assembly%vt(:, hose%point)
+            if (hose%row > 0) x(:, r + h) = vt(:, hose%row) - vt(:, hose%point)
          end associate
       end do
       call solve_mass(assembly, x, y)
       do k = 1, r
-         if (.not. assembly%rigid(k)) bound = bound &
-            + assembly%pencil%hk(k, k)/assembly%compliance(k)*y(k, k)
+         if (.not. assembly%couplings%rigid(k)) bound = bound &
+            + assembly%couplings%h(of_stiffness, k, k)/assembly%couplings%compliance(k)*y(k, k)
       end do
-      do h = 1, size(assembly%hose)
-         associate (hose => assembly%hose(h))
-            if (hose%row > 0) bound = bound + assembly%structure%hose(h)%k_H &
+      do h = 1, size(assembly%couplings%hose)
+         associate (hose => assembly%couplings%hose(h))
+            if (hose%row > 0) bound = bound + hose%strength(of_stiffness) &
                *(y(hose%row, r + h) - y(hose%point, r + h))
          end associate
       end do
@@ -189,26 +186,15 @@ contains
       integer :: k, m
 
       allocate (root(0))
-      m = max(count(abs(assembly%pole(:assembly%beam, 1)) < radius), min(modes, assembly%n))
-      if (m > largest_share*assembly%beam) return
-      m = min(assembly%beam, m + m/2 + 2*size(assembly%v, 1) + 4)
-      kept = [(k, k=1, m), (k, k=assembly%beam + 1, assembly%n)]
-      few%structure = assembly%structure
-      few%strength = assembly%strength
-      few%hose = assembly%hose
-      where (few%hose%row > 0) few%hose%oscillator = few%hose%oscillator - assembly%beam + m
-      few%beam = m
-      few%n = size(kept)
-      few%pencil = assembly%pencil
-      few%pencil%m = assembly%pencil%m(kept)
-      few%pencil%c = assembly%pencil%c(kept)
-      few%pencil%k = assembly%pencil%k(kept)
-      few%pencil%l = assembly%pencil%l(kept)
-      few%v = assembly%v(:, kept)
-      few%vt = assembly%vt(kept, :)
-      few%compliance = assembly%compliance
-      few%rigid = assembly%rigid
-      few%pole = assembly%pole(kept, :)
+      associate (n => assembly%layout%n, beam => assembly%layout%beam)
+         m = max(count(abs(assembly%oscillators%pole(:beam, 1)) < radius), min(modes, n))
+         if (m > largest_share*beam) return
+         m = min(beam, m + m/2 + 2*assembly%layout%r + 4)
+         kept = [(k, k=1, m), (k, k=beam + 1, n)]
+      end associate
+      few%layout = assembly%layout%select_oscillators(kept)
+      few%oscillators = assembly%oscillators%select_oscillators(kept)
+      few%couplings = assembly%couplings
       call starting_points(few, root, error)
       if (allocated(error)) then
          root = [root_t ::]

@@ -1,7 +1,7 @@
 !> Search for the poles of a structure: continuation from a similar structure if there is one,
 !> otherwise the roots of the characteristic equation or the eigenvalues of the matrices.
 module beamid_pole_search
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_continuation, only: with_conjugates, follow_roots
    use beamid_errors, only: error_t, failure, status_failed
    use beamid_kinds, only: wp
@@ -13,8 +13,7 @@ module beamid_pole_search
    use beamid_strings, only: to_text
    use beamid_structure_checks, only: furthest_parameter
    use beamid_systems, only: find_eigenvector
-   use beamid_terms, only: bending, of_stiffness
-   use beamid_vectors, only: root_t
+   use beamid_vectors, only: allocate_vectors
    implicit none
    private
 
@@ -44,13 +43,13 @@ contains
       logical :: found
       integer :: k, way
 
-      if (.not. assembly%strength(bending, of_stiffness) > tiny(1.0_wp)) then
+      if (.not. assembly%oscillators%E > tiny(1.0_wp)) then
          call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
          return
       end if
       found = .false.
-      if (present(rate)) found = rate < huge(rate) .and. modes < assembly%n .and. &
-         assembly%n >= few_oscillators
+      if (present(rate)) found = rate < huge(rate) .and. modes < assembly%layout%n .and. &
+         assembly%layout%n >= few_oscillators
       if (found) then
          call find_low_poles(assembly, rate, modes, poles, found)
          if (found) return
@@ -63,10 +62,7 @@ contains
          poles%modes = huge(1)
       end if
       if (allocated(poles%all)) then
-         if (size(poles%vector) /= size(poles%root)) then
-            deallocate (poles%vector)
-            allocate (poles%vector(size(poles%root)))
-         end if
+         call allocate_vectors(size(poles%root), poles%vector)
          call continue_roots(assembly, relaxed, poles, found)
          if (found) then
             call find_residues(assembly, poles, error)
@@ -86,9 +82,9 @@ contains
          if (allocated(poles%all)) deallocate (poles%all)
       end do
       ! Names the parameter that is furthest out of proportion to the beam, if there is one.
-      k = furthest_parameter(assembly%structure)
+      k = furthest_parameter(assembly%given%structure)
       if (k > 0 .and. error%status == status_failed) error%message = error%message//'; '// &
-         trim(parameters(k)%name)//' = '//to_text(as_named(k, assembly%structure%get(k)))// &
+         trim(parameters(k)%name)//' = '//to_text(as_named(k, assembly%given%structure%get(k)))// &
          ' is out of proportion to the beam'
    end subroutine find_poles
 
@@ -234,10 +230,7 @@ contains
       type(poles_t), intent(inout) :: poles   !< in: `root`; out: `vector`
       integer :: k
 
-      if (allocated(poles%vector)) then
-         if (size(poles%vector) /= size(poles%root)) deallocate (poles%vector)
-      end if
-      if (.not. allocated(poles%vector)) allocate (poles%vector(size(poles%root)))
+      call allocate_vectors(size(poles%root), poles%vector)
       do k = 1, size(poles%root)
          call find_eigenvector(assembly, poles%root(k), poles%vector(k))
       end do

@@ -8,14 +8,14 @@
 !> `beamid_pole_search` finds the roots, `beamid_pole_derivatives` differentiates, and
 !> `beamid_synthesis` computes the motion.
 module beamid_poles
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_clusters, only: cluster_t, find_clusters, origin_cluster
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, n_parameters
-   use beamid_vectors, only: find_vector, root_t, solve_mass, vector_t
+   use beamid_vectors, only: find_vector, solve_mass, vector_t
    implicit none
    private
 
@@ -53,7 +53,7 @@ module beamid_poles
       !> (parameters) their values; not allocated: `ds` belongs to other roots
       real(wp), allocatable :: values(:)
    contains
-      procedure :: has_all
+      procedure :: has_all, start_from
    end type poles_t
 
    !> Largest accepted errors of two sum rules. The residues add up to 0, and the products r s to
@@ -108,7 +108,7 @@ contains
             end if
             ! An exact double root has no residue of its own; a cluster holds it.
             if (size_of_A > 0) poles%residue(k) = pair_weight(poles%s(k)) &
-               *vector%y(assembly%sensor)*load_on(assembly, vector, poles%s(k))/vector%A
+               *vector%y(assembly%layout%sensor)*load_on(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       if (.not. poles%has_all()) then
@@ -123,12 +123,12 @@ contains
       else
          poles%cluster = [cluster_t ::]
       end if
-      if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
+      if (assembly%load%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: found a hose or a beam that is not held by the '// &
             'moving base, expected k_H > 0, or &end and supports that hold the beam')
          return
       end if
-      if (assembly%feels_base .or. assembly%zeros > 0) &
+      if (assembly%load%feels_base .or. assembly%zeros > 0) &
          poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (.not. near(k)) cycle
@@ -156,7 +156,8 @@ contains
       ! The eigenvector may contain NaN. A small A is not sufficient: A also vanishes at an ordinary
       ! double root.
       is_unresolved = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
-      if (is_unresolved) is_unresolved = assembly%distance_from_accumulation(s) <= 1e-10_wp
+      if (is_unresolved) is_unresolved = assembly%oscillators%distance_from_accumulation(s) <= &
+         1e-10_wp
    end function is_unresolved
 
    !> Normalises an eigenvector to x_j = 1 at another oscillator j, if the modal mass of the present
@@ -169,15 +170,30 @@ contains
       integer :: i, j
 
       largest = -1
-      do i = 1, assembly%n
-         share = assembly%pencil%m(i)*(real(vector%x(i))**2 + aimag(vector%x(i))**2)
+      do i = 1, assembly%layout%n
+         share = assembly%oscillators%m(i)*(real(vector%x(i))**2 + aimag(vector%x(i))**2)
          if (share > largest) j = i
          largest = max(largest, share)
       end do
-      if (.not. largest > 16*assembly%pencil%m(root%j)) return
+      if (.not. largest > 16*assembly%oscillators%m(root%j)) return
       root%j = j
       call find_vector(assembly, root, vector)
    end subroutine renormalize
+
+   !> Takes over the roots of other poles, from which a search starts, and their derivatives.
+   subroutine start_from(self, other)
+      class(poles_t), intent(inout) :: self
+      type(poles_t), intent(in) :: other
+
+      self%root = other%root
+      self%all = other%all
+      self%rate = other%rate
+      self%modes = other%modes
+      if (.not. allocated(other%values)) return
+      self%ds = other%ds
+      self%parameters = other%parameters
+      self%values = other%values
+   end subroutine start_from
 
    !> Returns whether all roots of the structure are there.
    pure logical function has_all(self)
@@ -194,14 +210,14 @@ contains
       type(poles_t), intent(inout) :: poles
       integer :: n
 
-      n = assembly%n
+      n = assembly%layout%n
       if (allocated(poles%accelerations)) deallocate (poles%accelerations)
-      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
+      allocate (poles%accelerations(n + assembly%layout%r, 2))
       associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
-         x(:, 1) = assembly%load
-         x(:, 2) = assembly%vt(:, assembly%sensor)
-         call solve_mass(assembly, x, y, -assembly%base_coupling)
-         poles%impulse = y(assembly%sensor, 1)
+         x(:, 1) = assembly%load%total
+         x(:, 2) = assembly%layout%vt(:, assembly%layout%sensor)
+         call solve_mass(assembly, x, y, -assembly%load%base_coupling)
+         poles%impulse = y(assembly%layout%sensor, 1)
       end associate
    end subroutine set_accelerations
 
@@ -217,22 +233,23 @@ contains
       real(wp) :: rest(2), ordinary, at_once
       integer :: k, n
 
-      n = assembly%n
+      n = assembly%layout%n
       call set_accelerations(assembly, poles)
       associate (a => poles%accelerations)
-         ordinary = abs(dot_product(assembly%load, a(:n, 1)))*abs(a(n + assembly%sensor, 2))
+         ordinary = abs(dot_product(assembly%load%total, a(:n, 1)))*abs(a(n &
+            + assembly%layout%sensor, 2))
       end associate
       ! A sensor at a rigid support does not move. The reference is then the acceleration of the
       ! beam without attachments.
-      associate (mass => assembly%pencil%m, o => assembly%v(assembly%sensor, :), &
-         load => assembly%load)
+      associate (mass => assembly%oscillators%m, o => assembly%layout%v(assembly%layout%sensor, &
+         :), load => assembly%load%total)
          at_once = 1e-6_wp*sqrt(sum(load**2/mass)*sum(o**2/mass))
       end associate
       ! A base that moves slowly loads the structure by its displacement, which a slow relaxation
       ! follows; otherwise relaxation roots have small residues.
       ordinary = max(sqrt(ordinary), at_once) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0 .and. (poles%root%side <= 2 .or. &
-         assembly%feels_base))
+         assembly%load%feels_base))
       associate (r => poles%residue, s => poles%s, cluster => poles%cluster)
          rest(1) = sum(real(r)) + sum([(real(cluster(k)%moments(1)), k=1, size(cluster))])
          rest(2) = sum(real(r*s)) + sum([(real(cluster(k)%moments(2)), k=1, size(cluster))])
@@ -274,16 +291,11 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
-      integer :: i
 
       ! The load along the row of a spring is 0. In every other row, y is the motion.
-      load_on = assembly%row_power(vector%form, vector%y)
-      do i = 1, assembly%n
-         load_on = load_on + assembly%load_remainder(i)*vector%x(i)
-      end do
-      if (assembly%feels_base) load_on = load_on &
-         + (sum(assembly%velocity_load*vector%x) &
-         - sum(assembly%base_coupling*vector%f)/s)/s
+      load_on = assembly%load%power(vector%form, vector%x, vector%y, s, 0)
+      if (assembly%load%feels_base) load_on = load_on &
+         - sum(assembly%load%base_coupling*vector%f)/s**2
    end function load_on
 
    !> Returns the values of parameters in an assembly; 0 for a parameter that is not one of the
@@ -299,7 +311,8 @@ contains
       values = 0
       do p = 1, size(values)
          associate (k => parameters(p))
-            if (k <= n_parameters .or. is_coefficient(k)) values(p) = assembly%structure%get(k)
+            if (k <= n_parameters .or. is_coefficient(k)) &
+               values(p) = assembly%given%structure%get(k)
          end associate
       end do
    end function parameter_values

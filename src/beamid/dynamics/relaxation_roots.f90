@@ -7,13 +7,14 @@
 !> the eigenvalues of B**(1/2) R**-1 B**(1/2), the largest of which belong to the roots next to a.
 !> Newton's method removes what R depends on s.
 module beamid_relaxation_roots
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_oscillators, only: oscillators_t
    use beamid_relaxations, only: relaxation_t
    use beamid_starting_roots, only: solve_symmetric
    use beamid_systems, only: factor_balanced, improve_root, solve_balanced, system_at
-   use beamid_vectors, only: distance_between, find_vector, root_t, vector_t
+   use beamid_vectors, only: find_vector, vector_t
    implicit none
    private
 
@@ -33,11 +34,11 @@ contains
       integer :: i, l, m
 
       allocate (roots(0))
-      do l = 1, assembly%relaxation%n
-         if (assembly%is_bare() .and. .not. assembly%is_dense()) then
-            do i = 1, assembly%n
-               if (.not. assembly%relaxes(i)) cycle
-               root = root_t(i, i, 2 + l, s=assembly%pole(i, 2 + l))
+      do l = 1, assembly%oscillators%relaxation%n
+         if (assembly%couplings%vanish() .and. .not. assembly%is_dense()) then
+            do i = 1, assembly%layout%n
+               if (.not. assembly%oscillators%relaxes(i)) cycle
+               root = root_t(i, i, 2 + l, s=assembly%oscillators%pole(i, 2 + l))
                roots = [roots, root]
             end do
          else
@@ -55,13 +56,15 @@ contains
    !> beam and that rigid springs allow.
    pure integer function relaxing_modes(assembly) result(number)
       type(assembly_t), intent(in) :: assembly
-      integer :: free, i, k
+      integer :: free, k
 
-      number = count([(assembly%relaxes(i), i=1, assembly%beam)])
-      free = assembly%beam - number
-      associate (rows => assembly%v(pack([(k, k=1, size(assembly%rigid))], assembly%rigid), :free))
-         ! A rigid spring holds a motion as a rigid body if it can.
-         number = number - size(rows, 1) + rank_of(rows)
+      associate (beam => assembly%layout%beam, rigid => assembly%couplings%rigid)
+         number = count(assembly%oscillators%relaxes)
+         free = beam - number
+         associate (rows => assembly%layout%v(pack([(k, k=1, size(rigid))], rigid), :free))
+            ! A rigid spring holds a motion as a rigid body if it can.
+            number = number - size(rows, 1) + rank_of(rows)
+         end associate
       end associate
    end function relaxing_modes
 
@@ -93,9 +96,8 @@ contains
       integer, intent(in) :: l
       type(root_t), allocatable, intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
-      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP
-      complex(wp) :: x(size(P, 1), count(assembly%relaxed(:, l) > 0))
+      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
+      complex(wp) :: x(size(P, 1), count(assembly%oscillators%relaxed(:, l) > 0))
       real(wp), dimension(size(P, 1)) :: rows, columns
       real(wp), dimension(size(x, 2), size(x, 2)) :: T, unit
       real(wp) :: theta(size(x, 2)), creep, rise
@@ -103,11 +105,12 @@ contains
       type(root_t) :: root
       logical :: waiting(size(x, 2))
 
-      modes = pack([(i, i=1, assembly%n)], assembly%relaxed(:, l) > 0)
-      associate (point => assembly%relaxation%point(l), k_at => assembly%pencil%k(modes))
+      modes = pack([(i, i=1, assembly%layout%n)], assembly%oscillators%relaxed(:, l) > 0)
+      associate (of => assembly%oscillators, k_at => assembly%oscillators%k(modes), &
+         point => assembly%oscillators%relaxation%point(l))
          ! The pole next to a keeps the digits of the others.
-         i = modes(minloc(abs(assembly%creep(modes, l)), dim=1))
-         root = root_t(i, i, 2 + l, cmplx(-assembly%creep(i, l), kind=wp), cmplx(point, kind=wp))
+         i = modes(minloc(abs(of%creep(modes, l)), dim=1))
+         root = root_t(i, i, 2 + l, cmplx(-of%creep(i, l), kind=wp), cmplx(point, kind=wp))
          call system_at(assembly, root, P, dP)
          call factor_balanced(P, pivots, rows, columns)
          x = 0
@@ -132,9 +135,9 @@ contains
             k = maxloc(abs(theta), dim=1, mask=waiting)
             waiting(k) = .false.
             ! Where the inertia outweighs the rest, R grows like s**2.
-            call assembly%relaxation%find_root(l, [0.0_wp, 1/(theta(k)*point**2)], creep, rise)
+            call of%relaxation%find_root(l, [0.0_wp, 1/(theta(k)*point**2)], creep, rise)
             root%j = modes(maxloc(abs(T(:, k)), dim=1))
-            call anchor(assembly, l, creep, rise, root)
+            call anchor(of, l, creep, rise, root)
             roots = [roots, root]
          end do
       end associate
@@ -144,21 +147,21 @@ contains
    !>
    !> creep, rise  distances of the point from a and from -b [1/time]
    !> root         in: j; out: all other components
-   pure subroutine anchor(assembly, l, creep, rise, root)
-      type(assembly_t), intent(in) :: assembly
+   pure subroutine anchor(oscillators, l, creep, rise, root)
+      type(oscillators_t), intent(in) :: oscillators
       integer, intent(in) :: l
       real(wp), intent(in) :: creep, rise
       type(root_t), intent(inout) :: root
       integer :: i
 
-      i = minloc(abs(assembly%creep(:, l) - creep), dim=1, mask=assembly%relaxed(:, l) > 0)
+      i = minloc(abs(oscillators%creep(:, l) - creep), dim=1, mask=oscillators%relaxed(:, l) > 0)
       root%origin = i
       root%side = 2 + l
-      root%s = assembly%relaxation%point(l) + creep
+      root%s = oscillators%relaxation%point(l) + creep
       if (abs(creep) < rise) then
-         root%offset = creep - assembly%creep(i, l)
+         root%offset = creep - oscillators%creep(i, l)
       else
-         root%offset = rise - assembly%rise(i, l)
+         root%offset = rise - oscillators%rise(i, l)
       end if
    end subroutine anchor
 
@@ -176,12 +179,13 @@ contains
       start = root
       converged = .false.
       if (.not. assembly%is_dense()) call follow_newton(assembly, root, converged)
-      if (converged) converged = .not. is_among(assembly, others, root)
+      if (converged) converged = .not. is_among(assembly%oscillators, others, root)
       if (converged) return
       root = start
       call improve_root(assembly, root)
-      if (.not. assembly%relaxes(root%j)) root%j = start%j
-      if (.not. is_inside(assembly%relaxation, root%side - 2, real(root%s))) root = start
+      if (.not. assembly%oscillators%relaxes(root%j)) root%j = start%j
+      if (.not. is_inside(assembly%oscillators%relaxation, root%side - 2, real(root%s))) &
+         root = start
    end subroutine polish
 
    !> Improves a relaxation root from another starting point, by inverse iteration.
@@ -193,16 +197,16 @@ contains
       real(wp), intent(in) :: s
       type(root_t), intent(inout) :: root
 
-      associate (of => assembly%relaxation, l => root%side - 2)
-         call anchor(assembly, l, s - of%point(l), s + of%rate(l), root)
+      associate (of => assembly%oscillators%relaxation, l => root%side - 2)
+         call anchor(assembly%oscillators, l, s - of%point(l), s + of%rate(l), root)
       end associate
       call improve_root(assembly, root)
-      if (.not. assembly%relaxes(root%j)) root%j = root%origin
+      if (.not. assembly%oscillators%relaxes(root%j)) root%j = root%origin
    end subroutine restart_root
 
    !> Returns whether a root coincides with one of others of its relaxation.
-   pure logical function is_among(assembly, others, root)
-      type(assembly_t), intent(in) :: assembly
+   pure logical function is_among(oscillators, others, root)
+      type(oscillators_t), intent(in) :: oscillators
       type(root_t), intent(in) :: others(:), root
       real(wp), parameter :: apart = 1e-9_wp
       integer :: k
@@ -210,8 +214,8 @@ contains
       is_among = .true.
       do k = 1, size(others)
          if (others(k)%side /= root%side) cycle
-         if (abs(distance_between(assembly, others(k), root)) <= apart*abs(assembly%creep( &
-            root%origin, root%side - 2) + root%offset)) return
+         if (abs(oscillators%distance_between(others(k), root)) <= apart*abs( &
+            oscillators%creep(root%origin, root%side - 2) + root%offset)) return
       end do
       is_among = .false.
    end function is_among
@@ -225,20 +229,17 @@ contains
       type(vector_t) :: vector
       complex(wp) :: step
       real(wp) :: past, before
-      integer :: j, k, l
+      integer :: k, l
 
       l = root%side - 2
       before = huge(before)
       do k = 1, most_steps
          call find_vector(assembly, root, vector)
-         step = vector%D(root%j)
-         do j = 1, size(vector%f)
-            step = step + assembly%v(j, root%j)*vector%f(j)
-         end do
+         step = vector%D(root%j) + sum(assembly%layout%v(:, root%j)*vector%f)
          converged = .false.
          if (.not. abs(vector%A) > 0) return
          step = -real(step/vector%A)
-         past = assembly%rise(root%origin, l) + real(root%offset)
+         past = assembly%oscillators%rise(root%origin, l) + real(root%offset)
          ! The root stays to the right of -b.
          if (past + real(step) <= 0) step = -past/2
          converged = .not. abs(step) < before .and. before <= 1e-9_wp*abs(root%offset)
@@ -248,9 +249,10 @@ contains
          root%s = root%s + step
          converged = before <= 1e-15_wp*abs(root%offset)
          if (converged) return
-         if (before > 1e-2_wp*abs(root%offset)) call anchor(assembly, l, assembly%creep( &
-            root%origin, l) + real(root%offset), assembly%rise(root%origin, l) &
-            + real(root%offset), root)
+         associate (of => assembly%oscillators)
+            if (before > 1e-2_wp*abs(root%offset)) call anchor(of, l, of%creep(root%origin, l) &
+               + real(root%offset), of%rise(root%origin, l) + real(root%offset), root)
+         end associate
       end do
    end subroutine follow_newton
 

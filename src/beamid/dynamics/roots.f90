@@ -5,10 +5,10 @@
 !> If the iteration does not converge, the starting points are eigenvalues from LAPACK instead. They
 !> always are for an assembly with dense matrices.
 module beamid_roots
-   use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_assembly, only: assembly_t, new_assembly, root_t
    use beamid_characteristic, only: logarithmic_derivative
    use beamid_continuation, only: coincides, conjugate_of, follow, follow_loss, &
-      loss_beside_relaxation, with_conjugates
+      with_conjugates
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -21,7 +21,7 @@ module beamid_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use beamid_systems, only: improve_root
-   use beamid_vectors, only: distance_between, nearest_pole, root_t, vector_t
+   use beamid_vectors, only: nearest_pole, vector_t
    implicit none
    private
 
@@ -90,10 +90,6 @@ contains
       type(vector_t) :: vector
       integer :: k
 
-      if (assembly%relaxation%n > 0) then
-         call failure(error, 'modal: '//loss_beside_relaxation)
-         return
-      end if
       do k = 1, size(half)
          if (aimag(half(k)%s) > 0) call follow_loss(assembly, half(k), vector, error)
          if (allocated(error)) return
@@ -231,7 +227,7 @@ contains
 
       allocate (done(size(roots)))
       done = abs(roots%s) <= 0 .and. assembly%zeros > 0
-      if (assembly%is_bare()) return
+      if (assembly%couplings%vanish()) return
       half = size(roots)/2
       do k = 1, size(roots)
          if (interrupted()) return
@@ -273,7 +269,7 @@ contains
 
       half = size(roots)/2
       doubtful = .false.
-      if (assembly%is_bare()) then
+      if (assembly%couplings%vanish()) then
          call take_poles(assembly, roots)
          return
       end if
@@ -321,11 +317,11 @@ contains
       integer :: k
 
       do k = 1, size(roots)
-         roots(k)%j = modulo(k - 1, assembly%n) + 1
+         roots(k)%j = modulo(k - 1, assembly%layout%n) + 1
          roots(k)%origin = roots(k)%j
-         roots(k)%side = 1 + (k - 1)/assembly%n
+         roots(k)%side = 1 + (k - 1)/assembly%layout%n
          roots(k)%offset = 0
-         roots(k)%s = assembly%pole(roots(k)%origin, roots(k)%side)
+         roots(k)%s = assembly%oscillators%pole(roots(k)%origin, roots(k)%side)
       end do
    end subroutine take_poles
 
@@ -361,16 +357,16 @@ contains
       do i = 1, size(roots)
          if (i == k) cycle
          gap = roots(k)%s - roots(i)%s
-         if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = distance_between(assembly, roots(k), &
-            roots(i))
+         if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = &
+            assembly%oscillators%distance_between(roots(k), roots(i))
          known = known .and. abs(gap) > 0
          if (known) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
       end do
       do i = 1, size(relaxed)
-         gap = distance_between(assembly, roots(k), relaxed(i))
+         gap = assembly%oscillators%distance_between(roots(k), relaxed(i))
          known = known .and. abs(gap) > 0
          if (known) slope = slope - 1/gap + 1/(roots(k)%s &
-            + assembly%relaxation%rate(relaxed(i)%side - 2))
+            + assembly%oscillators%relaxation%rate(relaxed(i)%side - 2))
       end do
       if (known .and. abs(slope) > 0) then
          step = -1/slope
@@ -380,7 +376,8 @@ contains
          step = max(1e-8_wp*abs(roots(k)%offset), epsilon(near)*abs(roots(k)%s))
          moved = huge(moved)
          ! Where several poles are equal to all digits, the point cannot come closer to the root.
-         if (assembly%distance_from_accumulation(roots(k)%s) <= 100*epsilon(near)) moved = 0
+         if (assembly%oscillators%distance_from_accumulation(roots(k)%s) <= &
+            100*epsilon(near)) moved = 0
          if (.not. moved > 0) step = 0
       end if
       settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= half .and. &
@@ -419,7 +416,7 @@ contains
          if (minval(abs(real(roots%s - roots(k)%s)) + abs(aimag(roots%s + roots(k)%s))) &
             <= 1e-2_wp*abs(aimag(roots(k)%s))) cycle
          roots(k)%s = real(roots(k)%s)
-         associate (pole => assembly%pole(roots(k)%origin, roots(k)%side))
+         associate (pole => assembly%oscillators%pole(roots(k)%origin, roots(k)%side))
             if (abs(aimag(pole)) > 0) then
                roots(k)%offset = roots(k)%s - pole
             else

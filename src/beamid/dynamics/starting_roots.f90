@@ -2,13 +2,14 @@
 !> modes of the whole structure.
 module beamid_starting_roots
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-   use beamid_assembly, only: assembly_t, quadratic
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf
-   use beamid_terms, only: bending, of_damping, of_stiffness
-   use beamid_vectors, only: nearest_pole, root_t
+   use beamid_oscillators, only: oscillators_t, quadratic
+   use beamid_terms, only: of_stiffness
+   use beamid_vectors, only: nearest_pole
    implicit none
    private
 
@@ -58,8 +59,8 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), dimension(assembly%n, assembly%n) :: M, C, K
-      real(wp) :: lambda(assembly%n), slow(assembly%n)
+      real(wp), dimension(assembly%layout%n, assembly%layout%n) :: M, C, K
+      real(wp) :: lambda(assembly%layout%n), slow(assembly%layout%n)
       complex(wp) :: pair(2)
       integer :: half, j, next, side
 
@@ -75,8 +76,8 @@ contains
       allocate (roots(2*half))
       do j = half, 1, -1
          pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
-         if (assembly%relaxation%n > 0) pair = relaxed_pair(assembly, pair, K(:, j), &
-            dot_product(K(:, j), matmul(C, K(:, j))), lambda(j))
+         if (assembly%oscillators%relaxation%n > 0) pair = relaxed_pair(assembly%oscillators, &
+            pair, K(:, j), dot_product(K(:, j), matmul(C, K(:, j))), lambda(j))
          if (abs(aimag(pair(1))) <= 0 .and. slow(next) < 0 .and. &
             abs(real(pair(1)) - slow(next)) < -0.1_wp*slow(next)) then
             pair(1) = slow(next)
@@ -96,16 +97,16 @@ contains
    !> pair   without relaxations [1/time]
    !> x      (n) the mode, with unit modal mass
    !> c, k   modal damping and stiffness
-   pure function relaxed_pair(assembly, pair, x, c, k) result(relaxed)
-      type(assembly_t), intent(in) :: assembly
+   pure function relaxed_pair(oscillators, pair, x, c, k) result(relaxed)
+      type(oscillators_t), intent(in) :: oscillators
       complex(wp), intent(in) :: pair(2)
       real(wp), intent(in) :: x(:), c, k
-      complex(wp) :: relaxed(2), s, past(assembly%relaxation%n)
+      complex(wp) :: relaxed(2), s, past(oscillators%relaxation%n)
       real(wp) :: r(size(past))
       integer :: i
 
-      associate (b => assembly%relaxation%rate(:size(past)))
-         r = matmul(x**2, assembly%relaxed)
+      associate (b => oscillators%relaxation%rate(:size(past)))
+         r = matmul(x**2, oscillators%relaxed)
          ! Fast modes have the stiffness of a modulus that does not relax.
          s = (0, 1)*sqrt(max(k + sum(r*max(k, 0.0_wp)/(max(k, 0.0_wp) + b**2)), 0.0_wp))
          do i = 1, 20
@@ -128,7 +129,7 @@ contains
       type(root_t), intent(inout) :: root
 
       if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-         + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*axis_scale(assembly, root%s)
+         + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*axis_scale(assembly%oscillators, root%s)
       root%origin = 0
       call nearest_pole(assembly, root)
    end subroutine leave_axis
@@ -153,14 +154,13 @@ contains
       integer :: i
 
       slow = 0
-      associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil, &
-         E => assembly%strength(bending, of_stiffness))
-         if (all(abs(aimag(assembly%pole(:assembly%beam, 1))) > 0) .or. .not. c_D > 0) return
+      associate (of => assembly%oscillators, beam => assembly%layout%beam)
+         if (all(abs(aimag(of%pole(:beam, 1))) > 0) .or. .not. of%c_D > 0) return
          x = 0
-         rest = (E/c_D)**2*M + K
-         do i = 1, assembly%beam
-            x(i, i) = p%k(i)/E
-            rest(i, i) = rest(i, i) - p%k(i)
+         rest = (of%E/of%c_D)**2*M + K
+         do i = 1, beam
+            x(i, i) = of%k(i)/of%E
+            rest(i, i) = rest(i, i) - of%k(i)
          end do
          call solve_symmetric(x, rest, theta, error)
          if (allocated(error)) return
@@ -206,14 +206,13 @@ contains
 
    !> Returns the distance by which a real point may be moved, up to a factor [1/time]. The roots of
    !> overdamped modes are the denser, the closer they are to -E/c_D.
-   pure real(wp) function axis_scale(assembly, s)
-      type(assembly_t), intent(in) :: assembly
+   pure real(wp) function axis_scale(oscillators, s)
+      type(oscillators_t), intent(in) :: oscillators
       complex(wp), intent(in) :: s
 
       axis_scale = abs(s)
-      associate (k => assembly%strength(bending, of_stiffness), &
-         c => assembly%strength(bending, of_damping))
-         if (c > 0) axis_scale = min(axis_scale, abs(s + k/c))
+      associate (E => oscillators%E, c_D => oscillators%c_D)
+         if (c_D > 0) axis_scale = min(axis_scale, abs(s + E/c_D))
       end associate
    end function axis_scale
 
@@ -221,17 +220,16 @@ contains
    !> one that leaves M, C and K a few digits.
    pure function limited_compliance(assembly) result(compliance)
       type(assembly_t), intent(in) :: assembly
-      real(wp) :: compliance(size(assembly%compliance))
+      real(wp) :: compliance(size(assembly%couplings%compliance))
       real(wp), parameter :: largest_ratio = 1e4_wp   ! of a spring to the beam's stiffness
       integer :: i
 
-      compliance = assembly%compliance
-      associate (p => assembly%pencil)
-         do i = 1, size(compliance)
-            if (compliance(i) < 1) compliance(i) = max(compliance(i), &
-               sum(assembly%v(i, :)**2)*p%hk(i, i)/(largest_ratio*maxval(p%k)))
-         end do
-      end associate
+      compliance = assembly%couplings%compliance
+      do i = 1, size(compliance)
+         if (compliance(i) < 1) compliance(i) = max(compliance(i), &
+            sum(assembly%layout%v(i, :)**2)*assembly%couplings%h(of_stiffness, i, i) &
+            /(largest_ratio*maxval(assembly%oscillators%k)))
+      end do
    end function limited_compliance
 
 end module beamid_starting_roots

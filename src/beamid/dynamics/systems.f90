@@ -1,16 +1,14 @@
 !> The equations at s as one full matrix, for a dense assembly, in which a term couples all
-!> oscillators. With E(s) of `beamid_assembly` and the row forces f = H y:
+!> oscillators. With E(s) of `beamid_dense_terms` and the row forces f = H y:
 !>
 !>     P(s) (x, y) = (F, -base_coupling/s**2),    P = [ D + E   V H ]
 !>                                                    [   V'     -A ]
 !>
 !> At a root, P (x, y) = 0 and (x, f)'P = 0.
 module beamid_systems
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, changes, root_t
    use beamid_kinds, only: wp
-   use beamid_terms, only: of_mass
-   use beamid_vectors, only: allocate_vector, denominators, find_vector, nearest_pole, past_rates, &
-      root_t, vector_t
+   use beamid_vectors, only: allocate_vector, find_vector, nearest_pole, vector_t
    implicit none
    private
 
@@ -44,29 +42,30 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: point
       complex(wp), intent(out) :: P(:, :), dP(:, :)
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH
-      complex(wp), dimension(assembly%n) :: D, dD
+      complex(wp), dimension(assembly%layout%r, assembly%layout%r) :: H, dH
+      complex(wp) :: D(assembly%layout%n), dD(assembly%layout%n), f(changes, 0:2)
       integer :: i, k, n
 
-      n = assembly%n
+      n = assembly%layout%n
       P = 0
       dP = 0
-      associate (s => point%s, b => assembly%beam)
+      associate (s => point%s, b => assembly%layout%beam)
          if (assembly%is_dense()) then
-            P(:b, :b) = assembly%dense_at(s, past_rates(assembly, point), 0)
-            dP(:b, :b) = assembly%dense_at(s, past_rates(assembly, point), 1)
+            f = assembly%oscillators%factors(point)
+            P(:b, :b) = assembly%dense%at(f(:, 0), 0)
+            dP(:b, :b) = assembly%dense%at(f(:, 1), 0)
          end if
-         call denominators(assembly, point, D, dD)
+         call assembly%oscillators%denominators(point, D, dD)
          do i = 1, n
             P(i, i) = P(i, i) + D(i)
             dP(i, i) = dP(i, i) + dD(i)
          end do
-         call assembly%couplings(assembly%form_at(s), s, H, dH)
-         P(:n, n + 1:) = matmul(assembly%vt, H)
-         dP(:n, n + 1:) = matmul(assembly%vt, dH)
-         P(n + 1:, :n) = assembly%v
+         call assembly%couplings%evaluate(assembly%couplings%form_at(s), s, H, dH)
+         P(:n, n + 1:) = matmul(assembly%layout%vt, H)
+         dP(:n, n + 1:) = matmul(assembly%layout%vt, dH)
+         P(n + 1:, :n) = assembly%layout%v
          do k = 1, size(H, 1)
-            P(n + k, n + k) = -assembly%compliance(k)
+            P(n + k, n + k) = -assembly%couplings%compliance(k)
          end do
       end associate
    end subroutine system_at
@@ -114,14 +113,13 @@ contains
       type(root_t), intent(inout) :: root
       integer, parameter :: max_steps = 20
       real(wp), parameter :: tolerance = 3e-8_wp
-      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH
+      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
+      complex(wp), dimension(assembly%layout%r, assembly%layout%r) :: H, dH
       complex(wp) :: z(size(P, 1), 1), rhs(size(P, 1)), left(size(P, 1)), change
       real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), step, n
 
-      n = assembly%n
+      n = assembly%layout%n
       z = 1
       do step = 1, max_steps
          call system_at(assembly, root, P, dP)
@@ -132,7 +130,7 @@ contains
          rhs = rhs/maxval(abs(z))
          z = z/maxval(abs(z))
          ! The left eigenvector is (x, f).
-         call assembly%couplings(assembly%form_at(root%s), root%s, H, dH)
+         call assembly%couplings%evaluate(assembly%couplings%form_at(root%s), root%s, H, dH)
          left = [z(:n, 1), matmul(H, z(n + 1:, 1))]
          change = -sum(left*rhs)/sum(left*matmul(dP, z(:, 1)))
          if (.not. abs(aimag(root%s)) > 0) change = real(change)
@@ -143,7 +141,7 @@ contains
             call nearest_pole(assembly, root)
          if (abs(change) <= tolerance*max(abs(root%offset), tolerance*abs(root%s))) exit
       end do
-      root%j = maxloc(assembly%pencil%m*abs(z(:n, 1))**2, dim=1)
+      root%j = maxloc(assembly%oscillators%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root
 
    !> Scales rows and columns of P to a largest entry of about 1, by powers of two, and computes the
@@ -212,16 +210,15 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
-      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP
+      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
       complex(wp) :: z(size(P, 1), 1)
       real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), n, r, step
 
-      n = assembly%n
-      r = size(assembly%v, 1)
+      n = assembly%layout%n
+      r = assembly%layout%r
       call allocate_vector(n, r, vector)
-      vector%form = assembly%form_at(root%s)
+      vector%form = assembly%couplings%form_at(root%s)
       call system_at(assembly, root, P, dP)
       call factor_balanced(P, pivots, rows, columns)
       z = 1
@@ -237,12 +234,11 @@ contains
       vector%x = z(:n, 1)
       vector%y = z(n + 1:, 1)
       vector%A = sum(vector%x*matmul(dP(:n, :), z(:, 1)))
-      associate (pencil => assembly%pencil, y => vector%y)
-         call assembly%couplings(vector%form, root%s, vector%H, vector%dH)
-         call assembly%coupling(of_mass, vector%form, vector%hm)
+      associate (m => assembly%oscillators%m, y => vector%y)
+         call assembly%couplings%evaluate(vector%form, root%s, vector%H, vector%dH, vector%hm)
          vector%f = matmul(vector%H, y)
-         call denominators(assembly, root, vector%D, vector%dD)
-         vector%inertia = sum(pencil%m*abs(vector%x)**2) &
+         call assembly%oscillators%denominators(root, vector%D, vector%dD)
+         vector%inertia = sum(m*abs(vector%x)**2) &
             + real(sum(conjg(y)*matmul(vector%hm, y)))
       end associate
    end subroutine iterate_inversely
@@ -266,7 +262,7 @@ contains
       P(root%j, :) = 0
       P(:, root%j) = 0
       P(root%j, root%j) = 1
-      solution(:, 1) = [f + matmul(assembly%vt, g), -u]
+      solution(:, 1) = [f + matmul(assembly%layout%vt, g), -u]
       solution(root%j, 1) = 0
       call factor(P, pivots)
       call solve(P, pivots, solution, 'N')

@@ -11,11 +11,11 @@
 !>
 !> These quantities stay bounded near a root of D_j and near a root of the structure.
 module beamid_transfer
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, changes, root_t
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate, identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, nearest_pole, past_rates, root_t, vector_t
+   use beamid_vectors, only: find_vector, nearest_pole, vector_t
    implicit none
    private
 
@@ -58,16 +58,16 @@ contains
       type(transfer_t), intent(inout) :: value
       type(inverse_t) :: inverse
 
-      value%form = assembly%form_at(point%s)
-      if (.not. allocated(value%q)) allocate (value%q(assembly%n), value%u(size(assembly%v, 1)))
+      value%form = assembly%couplings%form_at(point%s)
+      if (.not. allocated(value%q)) allocate (value%q(assembly%layout%n), &
+         value%u(assembly%layout%r))
       if (assembly%is_dense()) then
          call invert_dense(assembly, point, value, inverse)
       else
          call invert(assembly, point, with_slopes, value, inverse)
       end if
-      value%h = value%u(assembly%sensor)
-      if (with_slopes) call differentiate(assembly, point%s, past_rates(assembly, point), inverse, &
-         value)
+      value%h = value%u(assembly%layout%sensor)
+      if (with_slopes) call differentiate(assembly, point, inverse, value)
    end subroutine transfer_at
 
    !> Computes the motion, W'/W and Q**-1 of an assembly without dense matrices.
@@ -82,40 +82,40 @@ contains
       type(inverse_t), intent(inout) :: inverse
       type(root_t) :: place
       type(vector_t) :: vector
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: coupled, E, HE
-      complex(wp) :: load(assembly%n), none(size(assembly%v, 1)), w
+      complex(wp), dimension(assembly%layout%r, assembly%layout%r) :: coupled, E, HE
+      complex(wp) :: load(assembly%layout%n), none(assembly%layout%r), w
       integer :: i, r
       logical :: regular
 
-      r = size(assembly%v, 1)
+      r = assembly%layout%r
       place = point
       call nearest_pole(assembly, place)
       place = root_t(place%j, point%origin, point%side, point%offset, point%s)
       call find_vector(assembly, place, vector)
-      w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f)
+      w = vector%D(place%j) + sum(assembly%layout%v(:, place%j)*vector%f)
       E = identity(r)
       coupled = vector%coupled
       call eliminate(r, r, coupled, E, regular)
       if (.not. regular) E = 0
-      load = assembly%load_at(place%s, vector%form)
-      call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
+      load = assembly%load%at(place%s, vector%form, assembly%layout%v)
+      call solve(assembly, place%j, vector, E, w, load, assembly%load%base_coupling/place%s**2, &
          value%q, value%u)
       HE = matmul(vector%H, E)
-      allocate (inverse%o(assembly%n), inverse%u(r), inverse%diagonal(assembly%n), &
+      allocate (inverse%o(assembly%layout%n), inverse%u(r), inverse%diagonal(assembly%layout%n), &
          inverse%by_position(r))
       inverse%T = matmul(E, vector%G)
       do i = 1, r
-         inverse%T(:, i) = inverse%T(:, i) + vector%y*vector%y(i)*assembly%compliance(i)/w
+         inverse%T(:, i) = inverse%T(:, i) + vector%y*vector%y(i)*assembly%couplings%compliance(i)/w
       end do
-      do i = 1, assembly%n
+      do i = 1, assembly%layout%n
          inverse%diagonal(i) = vector%x(i)**2/w
          if (i /= place%j) inverse%diagonal(i) = inverse%diagonal(i) + (1 - sum( &
-            assembly%v(:, i)*matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
+            assembly%layout%v(:, i)*matmul(HE, assembly%layout%v(:, i)))/vector%D(i))/vector%D(i)
       end do
       value%dlog = sum(vector%dD*inverse%diagonal) + sum(vector%dH*inverse%T)
       if (.not. with_slopes) return
       none = 0
-      load = assembly%v(assembly%sensor, :)
+      load = assembly%layout%v(assembly%layout%sensor, :)
       call solve(assembly, place%j, vector, E, w, load, none, inverse%o, inverse%u)
       call trace_positions(assembly, place, vector, E, w, inverse%by_position)
       inverse%by_compliance = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, r)]
@@ -130,97 +130,95 @@ contains
       type(root_t), intent(in) :: point
       type(transfer_t), intent(inout) :: value
       type(inverse_t), intent(inout) :: inverse
-      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP, full
+      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP, full
       complex(wp) :: solution(size(P, 1))
       integer :: pivots(size(P, 1)), i, n, r
 
-      n = assembly%n
-      r = size(assembly%v, 1)
+      n = assembly%layout%n
+      r = assembly%layout%r
       call system_at(assembly, point, P, dP)
       call factor(P, pivots)
       full = identity(n + r)
       call solve_system(P, pivots, full, 'N')
-      solution = matmul(full, [assembly%load_at(point%s, value%form), &
-         -assembly%base_coupling/point%s**2])
+      solution = matmul(full, [assembly%load%at(point%s, value%form, assembly%layout%v), &
+         -assembly%load%base_coupling/point%s**2])
       value%q = solution(:n)
       value%u = solution(n + 1:)
       value%dlog = sum(transpose(full)*dP)
-      solution = matmul(full(:, :n), assembly%v(assembly%sensor, :))
+      solution = matmul(full(:, :n), assembly%layout%v(assembly%layout%sensor, :))
       inverse%o = solution(:n)
       inverse%u = solution(n + 1:)
       inverse%diagonal = [(full(i, i), i=1, n)]
-      inverse%T = matmul(full(n + 1:, :n), assembly%vt)
+      inverse%T = matmul(full(n + 1:, :n), assembly%layout%vt)
       inverse%by_compliance = [(-full(n + i, n + i), i=1, r)]
-      inverse%by_position = [(2*sum(assembly%v_slope(i, :)*full(:n, n + i)), i=1, r)]
-      inverse%dense = full(:assembly%beam, :assembly%beam)
+      inverse%by_position = [(2*sum(assembly%layout%v_slope(i, :)*full(:n, n + i)), i=1, r)]
+      inverse%dense = full(:assembly%layout%beam, :assembly%layout%beam)
    end subroutine invert_dense
 
    !> Computes the derivatives with respect to the parameters: those of h, and tr(Q**-1 Q_p) of
    !> log W with the contributions of positions.
    !>
-   !> s      the point [1/time]
-   !> past   (2) s + b_1 and s + b_2 [1/time]
    !> value  in: q, u and form; out: dh and dlog_p, too
-   subroutine differentiate(assembly, s, past, inverse, value)
+   subroutine differentiate(assembly, point, inverse, value)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, past(2)
+      type(root_t), intent(in) :: point
       type(inverse_t), intent(in) :: inverse
       type(transfer_t), intent(inout) :: value
       complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
-      complex(wp), dimension(size(assembly%changing)) :: traces
+      complex(wp) :: traces(size(assembly%sensitivities%operator)), factor(changes, 0:2)
       integer :: p
 
-      if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
-         value%dlog_p(size(assembly%parameters)))
-      call assembly%couplings(value%form, s, H, dH)
-      call differentiate_motion(assembly, s, past, value%form, H, value%q, value%u, inverse%o, &
+      if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%given%parameters)), &
+         value%dlog_p(size(assembly%given%parameters)))
+      call assembly%couplings%evaluate(value%form, point%s, H, dH)
+      call differentiate_motion(assembly, point, value%form, H, value%q, value%u, inverse%o, &
          inverse%u, value%dh)
-      call assembly%traces(value%form, inverse%diagonal, inverse%T, traces)
-      do p = 1, size(assembly%parameters)
-         value%dlog_p(p) = assembly%system_derivative(traces, s, past, p) &
-            + sum(assembly%compliance_slope(:, p)*inverse%by_compliance) &
-            + sum(assembly%moves(:, p)*inverse%by_position)
+      call assembly%sensitivities%traces(assembly%layout, value%form, inverse%diagonal, inverse%T, &
+         traces)
+      factor = assembly%oscillators%factors(point)
+      do p = 1, size(assembly%given%parameters)
+         value%dlog_p(p) = assembly%sensitivities%derivative(factor(:, 0), traces, p) &
+            + sum(assembly%couplings%compliance_slope(:, p)*inverse%by_compliance) &
+            + sum(assembly%layout%moves(:, p)*inverse%by_position)
          if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
-            + sum(transpose(inverse%dense)*assembly%dense_slope_at(s, past, p, 0))
+            + sum(transpose(inverse%dense)*assembly%dense%at(factor(:, 0), p))
       end do
    end subroutine differentiate
 
    !> Computes the derivatives of h = o'Q**-1 F, -o'Q**-1 Q_p Q**-1 F, with the contributions of
    !> positions and of loads that depend on a parameter.
    !>
-   !> s       the point [1/time]
-   !> past    (2) s + b_1 and s + b_2 [1/time]
    !> form    in which the motions are given, from `form_at`
    !> H       (r, r) couplings at s
    !> q, u    (n), (r) Q**-1 F, and its motion of the rows
    !> o, u_o  (n), (r) Q**-1 o, and its motion of the rows
    !> dh      (parameters)
-   subroutine differentiate_motion(assembly, s, past, form, H, q, u, o, u_o, dh)
+   subroutine differentiate_motion(assembly, point, form, H, q, u, o, u_o, dh)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, past(2), H(:, :), q(:), u(:), o(:), u_o(:)
+      type(root_t), intent(in) :: point
+      complex(wp), intent(in) :: H(:, :), q(:), u(:), o(:), u_o(:)
       integer, intent(in) :: form
       complex(wp), intent(out) :: dh(:)
-      complex(wp) :: products(size(assembly%changing)), row_change(size(u)), o_E_q(2)
+      complex(wp) :: products(size(assembly%sensitivities%operator)), row_change(size(u)), &
+         factor(changes, 0:2)
       real(wp) :: load_rows(size(u))
       integer :: p
 
-      call assembly%load_rows(form, load_rows)
+      call assembly%load%rows(form, load_rows, 0)
       call assembly%products(form, q, u, o, u_o, products)
+      factor = assembly%oscillators%factors(point)
       do p = 1, size(dh)
-         associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
-            dh(p) = -assembly%system_derivative(products, s, past, p)
-            if (assembly%is_dense()) then
-               o_E_q = assembly%dense_products(q, o, s, past, p)
-               dh(p) = dh(p) - o_E_q(1)
-            end if
+         associate (moves => assembly%layout%moves(:, p), &
+            A_p => assembly%couplings%compliance_slope(:, p))
+            dh(p) = -assembly%sensitivities%derivative(factor(:, 0), products, p) &
+               - assembly%dense%bilinear(factor(:, 0), q, o, p)
             if (any(abs(A_p) > 0)) dh(p) = dh(p) + sum(A_p*u_o*matmul(H, u))
-            if (assembly%load_changes(p)) dh(p) = dh(p) &
-               + assembly%load_change(form, o, u_o, s, p)
+            if (assembly%load%changes(p)) dh(p) = dh(p) &
+               + assembly%load%power(form, o, u_o, point%s, p)
             if (.not. any(abs(moves) > 0)) cycle
-            row_change = moves*matmul(assembly%v_slope, q)
-            dh(p) = dh(p) + row_change(assembly%sensor) - sum(u_o*matmul(H, row_change)) &
-               - sum(moves*matmul(assembly%v_slope, o)*(matmul(H, u) - load_rows))
+            row_change = moves*matmul(assembly%layout%v_slope, q)
+            dh(p) = dh(p) + row_change(assembly%layout%sensor) - sum(u_o*matmul(H, row_change)) &
+               - sum(moves*matmul(assembly%layout%v_slope, o)*(matmul(H, u) - load_rows))
          end associate
       end do
    end subroutine differentiate_motion
@@ -236,18 +234,18 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: E(:, :), w
       complex(wp), intent(out) :: traces(:)
-      complex(wp), dimension(assembly%n) :: x, no_load
+      complex(wp), dimension(assembly%layout%n) :: x, no_load
       complex(wp), dimension(size(traces)) :: u_x, extended
       integer :: i
 
       traces = 0
       no_load = 0
       do i = 1, size(traces)
-         if (.not. any(abs(assembly%moves(i, :)) > 0)) cycle
+         if (.not. any(abs(assembly%layout%moves(i, :)) > 0)) cycle
          extended = 0
          extended(i) = 1
          call solve(assembly, place%j, vector, E, w, no_load, extended, x, u_x)
-         traces(i) = -2*sum(assembly%v_slope(i, :)*x)
+         traces(i) = -2*sum(assembly%layout%v_slope(i, :)*x)
       end do
    end subroutine trace_positions
 
@@ -270,15 +268,15 @@ contains
 
       r = size(u)
       u = extended
-      do i = 1, assembly%n
-         if (i /= j) u = u + assembly%v(:, i)*load(i)/vector%D(i)
+      do i = 1, assembly%layout%n
+         if (i /= j) u = u + assembly%layout%v(:, i)*load(i)/vector%D(i)
       end do
       u = matmul(E, u)
       f = matmul(vector%H, u)
       modal_force = (sum(vector%x*load) - sum(vector%f*extended))/w
-      do i = 1, assembly%n
+      do i = 1, assembly%layout%n
          q(i) = vector%x(i)*modal_force
-         if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)
+         if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%layout%v(:, i)*f))/vector%D(i)
       end do
       u = u + vector%y*modal_force
    end subroutine solve

@@ -7,11 +7,11 @@
 !> and h = u at the row of the sensor. At a root of some D_i these formulas lose digits, and those
 !> of `beamid_transfer`, which leave the oscillator i out, take their place.
 module beamid_transfer_lines
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
    use beamid_transfer, only: differentiate_motion, transfer_at, transfer_t
-   use beamid_vectors, only: nearest_pole, root_t
+   use beamid_vectors, only: nearest_pole
    implicit none
    private
 
@@ -35,7 +35,7 @@ contains
 
       do k = 1, size(s)
          regular = .false.
-         if (.not. assembly%is_dense()) call transfer_apart(assembly%n, size(assembly%v, 1), &
+         if (.not. assembly%is_dense()) call transfer_apart(assembly%layout%n, assembly%layout%r, &
             assembly, s(k), row, regular)
          if (.not. regular) then
             point = root_t(s=s(k))
@@ -64,51 +64,42 @@ contains
       real(wp), parameter :: apart = 1e-4_wp
       complex(wp), dimension(n) :: inverse, load, q, o
       complex(wp), dimension(r, r) :: couplings, slopes, coupled, G
-      complex(wp) :: D, u(r, 2), f(r, 2), relaxed(assembly%relaxation%n)
+      complex(wp) :: D, u(r, 2), f(r, 2), relaxed(assembly%oscillators%relaxation%n)
       real(wp) :: square, least
       integer :: form, i, k, l
 
       least = (apart*(real(s)**2 + aimag(s)**2))**2
-      associate (of => assembly%relaxation)
+      associate (of => assembly%oscillators%relaxation)
          relaxed = s/(s + of%rate(:of%n))
       end associate
-      associate (p => assembly%pencil, vv => assembly%vv, vt => assembly%vt)
+      associate (p => assembly%oscillators, vt => assembly%layout%vt)
          do i = 1, n
             D = (p%m(i)*s + p%c(i))*s + cmplx(p%k(i), p%l(i), wp)
-            if (assembly%relaxation%n > 0) D = D + sum(assembly%relaxed(i, :)*relaxed)
+            if (size(relaxed) > 0) D = D + sum(p%relaxed(i, :)*relaxed)
             square = real(D)**2 + aimag(D)**2
             regular = square > least*p%m(i)**2
             if (.not. regular) return
             inverse(i) = conjg(D)/square
          end do
-         form = assembly%form_at(s)
-         call assembly%couplings(form, s, couplings, slopes)
-         if (form == 0) then
-            load = assembly%load
-         else
-            load = assembly%load_at(s, form)
-         end if
-         do l = 1, r
-            do k = 1, l
-               G(k, l) = sum(vv(:, k + l*(l - 1)/2)*inverse)
-               G(l, k) = G(k, l)
-            end do
-         end do
+         form = assembly%couplings%form_at(s)
+         call assembly%couplings%evaluate(form, s, couplings, slopes)
+         load = assembly%load%at(s, form, assembly%layout%v)
+         call assembly%layout%project(inverse, G)
          q = load*inverse
          do k = 1, r
             u(k, 1) = sum(vt(:, k)*q)
-            u(k, 2) = G(k, assembly%sensor)
+            u(k, 2) = G(k, assembly%layout%sensor)
             do l = 1, r
                coupled(l, k) = sum(G(l, :)*couplings(:, k))
             end do
-            coupled(k, k) = coupled(k, k) + assembly%compliance(k)
+            coupled(k, k) = coupled(k, k) + assembly%couplings%compliance(k)
          end do
          call eliminate(r, 2, coupled, u, regular)
          if (.not. regular) return
-         h(0) = u(assembly%sensor, 1)
+         h(0) = u(assembly%layout%sensor, 1)
          if (size(h) == 1) return
          f = matmul(couplings, u)
-         o = vt(:, assembly%sensor)
+         o = vt(:, assembly%layout%sensor)
          do k = 1, r
             do i = 1, n
                load(i) = load(i) - vt(i, k)*f(k, 1)
@@ -118,8 +109,8 @@ contains
          q = load*inverse
          o = o*inverse
       end associate
-      call differentiate_motion(assembly, s, s + assembly%rates, form, couplings, q, &
-         u(:, 1), o, u(:, 2), h(1:))
+      call differentiate_motion(assembly, root_t(s=s), form, couplings, q, u(:, 1), o, u(:, 2), &
+         h(1:))
    end subroutine transfer_apart
 
 end module beamid_transfer_lines

@@ -7,14 +7,13 @@
 !> 2. Factors of s and s**2 before z give w' and w'' - f M**-1 F. A cluster of roots moves the
 !> unknowns as it moves the sensor, by moments over its contour.
 module beamid_beam_motions
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, root_t
    use beamid_clusters, only: cluster_t
    use beamid_contours, only: contour_point, rows_of
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_pole_search, only: find_poles
    use beamid_poles, only: poles_t
@@ -22,8 +21,9 @@ module beamid_beam_motions
    use beamid_responses, only: response_t
    use beamid_splines, only: clamped_root, spline_space_t
    use beamid_synthesis, only: at_rest, states_t
+   use beamid_tracked_poles, only: assemble
    use beamid_transfer, only: transfer_at, transfer_t
-   use beamid_vectors, only: root_t, solve_mass
+   use beamid_vectors, only: solve_mass
    implicit none
    private
 
@@ -107,7 +107,7 @@ contains
       type(poles_t), intent(in) :: poles
       complex(wp), intent(out) :: shapes(:, :, 0:)
       real(wp), allocatable, intent(out) :: direct_term(:)
-      real(wp) :: x(assembly%n, 1), y(size(assembly%v, 1), 1)
+      real(wp) :: x(assembly%layout%n, 1), y(assembly%layout%r, 1)
       complex(wp) :: factor
       integer :: k, n, unknowns
 
@@ -117,16 +117,17 @@ contains
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          associate (vector => poles%vector(k))
-            factor = sum(assembly%load_at((0.0_wp, 0.0_wp), vector%form)*vector%x)/vector%A
+            factor = sum(assembly%load%at((0.0_wp, 0.0_wp), vector%form, &
+               assembly%layout%v)*vector%x)/vector%A
             if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
-            shapes(k, :, 0) = factor*to_unknowns(assembly, modes, vector%form, vector%x, &
-               vector%y(assembly%tip), unknowns)
+            shapes(k, :, 0) = factor*to_unknowns(modes, vector%form, vector%x, &
+               vector%y(assembly%layout%tip), unknowns)
             shapes(k, :, 1) = poles%s(k)*shapes(k, :, 0)
             shapes(k, :, 2) = poles%s(k)*shapes(k, :, 1)
          end associate
       end do
       allocate (direct_term(unknowns), source=0.0_wp)
-      x(:, 1) = assembly%load
+      x(:, 1) = assembly%load%total
       call solve_mass(assembly, x, y)
       direct_term(:n) = matmul(modes%shapes, x(:n, 1))
       if (unknowns > n) direct_term(unknowns) = x(n + 1, 1)
@@ -152,8 +153,8 @@ contains
          call contour_point(cluster, i, z, point)
          call transfer_at(assembly, point, .false., value)
          do k = 1, size(mu, 1)
-            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*to_unknowns(assembly, modes, &
-               value%form, value%q, value%u(assembly%tip), size(mu, 2))
+            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*to_unknowns(modes, &
+               value%form, value%q, value%u(assembly%layout%tip), size(mu, 2))
          end do
       end do
       mu = cluster%weight()*mu
@@ -170,8 +171,7 @@ contains
    !> x         modal coordinates, then the hose if there is one
    !> tip       displacement of the tip
    !> unknowns  their number
-   function to_unknowns(assembly, modes, form, x, tip, unknowns) result(w)
-      type(assembly_t), intent(in) :: assembly
+   function to_unknowns(modes, form, x, tip, unknowns) result(w)
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: form, unknowns
       complex(wp), intent(in) :: x(:), tip

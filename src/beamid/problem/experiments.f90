@@ -8,7 +8,7 @@ module beamid_experiments
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_observation, only: new_sampling, observation_t
-   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: is_exact, prepare_for, solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -48,7 +48,7 @@ module beamid_experiments
    type, extends(meshed_model_t) :: prepared_experiment_t
       class(observed_data_t), allocatable :: observed
    contains
-      procedure :: evaluate
+      procedure :: evaluate, trial
    end type prepared_experiment_t
 
 contains
@@ -146,13 +146,30 @@ contains
       observed%offset = experiment%offset
    end subroutine observe
 
+   !> Returns trial values that point to the experiment, the structure and the excitation. Arguments
+   !> as the components of `trial_t`.
+   function trial(self, structure, excitation, offset, parameters)
+      class(prepared_experiment_t), intent(inout), target :: self
+      type(structure_t), intent(in), target :: structure
+      type(excitation_t), intent(in), target :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      type(trial_t) :: trial
+
+      trial%model => self%meshed_model_t
+      trial%structure => structure
+      trial%excitation => excitation
+      trial%offset = offset
+      trial%parameters = parameters
+   end function trial
+
    !> Computes the prediction of an experiment, its derivatives and its linear unknowns. Arguments
-   !> as of `observed_data_t`.
+   !> as of `trial` and `observed_data_t`.
    subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, &
       error, first)
-      class(prepared_experiment_t), intent(inout) :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
+      class(prepared_experiment_t), intent(inout), target :: self
+      type(structure_t), intent(in), target :: structure
+      type(excitation_t), intent(in), target :: excitation
       logical, intent(in) :: offset
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: y(:), dy(:, :)
@@ -161,8 +178,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
 
-      call self%observed%evaluate(self%meshed_model_t, structure, excitation, offset, parameters, &
-         y, dy, linear, work, error, first)
+      call self%observed%evaluate(self%trial(structure, excitation, offset, parameters), y, dy, &
+         linear, work, error, first)
       if (.not. allocated(error)) call linear%complete(size(y), size(parameters))
    end subroutine evaluate
 

@@ -11,7 +11,7 @@ module beamid_frequency_responses
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
-   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: exact_solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -190,33 +190,28 @@ contains
 
    !> Computes the frequency response of the model minus the measured one, and its derivatives.
    !> Arguments as of `observed_data_t`. There are no linear unknowns.
-   subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
-      work, error, first)
+   subroutine evaluate(self, trial, y, dy, linear, work, error, first)
       class(frequency_response_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
-      complex(wp) :: h(size(self%frequency), 0:size(parameters))
+      complex(wp) :: h(size(self%frequency), 0:size(trial%parameters))
       integer :: k, n
 
-      if (offset) then
+      if (trial%offset) then
          call failure(error, 'a frequency response has no offset')
          return
       end if
-      call predict_response(model, structure, excitation, self%power, self%rate, self%frequency, &
-         parameters, h, work, error)
+      call predict_response(trial%model, trial%structure, trial%excitation, self%power, self%rate, &
+         self%frequency, trial%parameters, h, work, error)
       if (allocated(error)) return
       n = size(self%frequency)
       y(:n) = real(h(:, 0))/self%noise - self%measured(:n)
       y(n + 1:) = aimag(h(:, 0))/self%noise - self%measured(n + 1:)
-      do k = 1, size(parameters)
+      do k = 1, size(trial%parameters)
          dy(:n, k) = real(h(:, k))/self%noise
          dy(n + 1:, k) = aimag(h(:, k))/self%noise
       end do

@@ -6,13 +6,11 @@
 module beamid_modal_tables
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
-   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observed_data, only: observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: exact_solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
    implicit none
    private
 
@@ -136,34 +134,30 @@ contains
 
    !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as
    !> of `observed_data_t`. There are no linear unknowns.
-   subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
-      work, error, first)
+   subroutine evaluate(self, trial, y, dy, linear, work, error, first)
       class(modal_table_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
       type(equations_t), target :: equations
-      complex(wp) :: s(max(0, maxval(self%mode))), ds(size(s), size(parameters))
+      complex(wp) :: s(max(0, maxval(self%mode))), ds(size(s), size(trial%parameters))
       real(wp) :: d_size(size(self%mode))
       integer :: n, p
 
-      if (offset) then
+      if (trial%offset) then
          call failure(error, 'a table of modes has no offset')
          return
       end if
       if (.not. allocated(first%modes)) allocate (first%modes(0))
       if (size(self%mode) == 0) return
-      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
-      select type (solver => model%solver)
+      equations = new_equations(trial%model%galerkin, trial%structure, trial%excitation, &
+         matrices=.false.)
+      select type (solver => trial%model%solver)
       class is (exact_solver_t)
-         call solver%free_motion(equations, parameters, s, ds, work, error)
+         call solver%free_motion(equations, trial%parameters, s, ds, work, error)
       class default
          call failure(error, 'this method has no modes')
       end select
@@ -173,7 +167,7 @@ contains
          damped => self%sd_damping)
          y(:n) = abs(root)/two_pi/sd - self%measured(:n)
          if (size(y) > n) y(n + 1:) = -real(root)/abs(root)/damped - self%measured(n + 1:)
-         do p = 1, size(parameters)
+         do p = 1, size(trial%parameters)
             d_size = real(conjg(root)*change(:, p))/abs(root)
             dy(:n, p) = d_size/two_pi/sd
             if (size(y) > n) dy(n + 1:, p) = (real(root)*d_size/abs(root) - real(change(:, p))) &

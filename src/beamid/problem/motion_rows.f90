@@ -6,7 +6,7 @@ module beamid_motion_rows
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t, stack_channels
    use beamid_local_decays, only: local_decay_t
-   use beamid_observed_data, only: seen_modes_t
+   use beamid_observed_data, only: seen_modes_t, trial_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: exact_solver_t, work_t
    use beamid_unknowns, only: scenario_t
@@ -113,10 +113,10 @@ contains
    !> bases       (records) orthonormal basis of the columns of each record and of the record
    !>             itself; without rows: the record has none
    subroutine localize(self, parameters, covariance, bases)
-      class(motion_rows_t), intent(inout) :: self
+      class(motion_rows_t), intent(inout), target :: self
       real(wp), intent(in) :: parameters(:), covariance(:, :)
       type(basis_t), allocatable, intent(out) :: bases(:)
-      type(scenario_t) :: scenario
+      type(scenario_t), target :: scenario
       type(seen_modes_t) :: seen
       type(error_t), allocatable :: error
       integer, allocatable :: active(:)
@@ -136,10 +136,9 @@ contains
          end select
          if (self%last_channel(max(1, i - 1)) < i .or. i == 1) seen = seen_modes_t()
          active = pack([(k, k=1, size(parameters))], self%record == 0 .or. self%record == i)
-         call self%parts(i)%observed%localize(self%parts(i)%meshed_model_t, &
-            scenario%structures(i), scenario%excitations(i), self%offset_is_unknown(i), &
-            self%free(active), covariance(active, active), self%local(i), bases(i)%columns, &
-            self%work, error, seen)
+         call self%parts(i)%observed%localize(self%parts(i)%trial(scenario%structures(i), &
+            scenario%excitations(i), self%offset_is_unknown(i), self%free(active)), &
+            covariance(active, active), self%local(i), bases(i)%columns, self%work, error, seen)
          if (allocated(error)) return
          if (.not. allocated(bases(i)%columns)) cycle
          call self%whiten_channel(i, nothing, none, bases(i)%columns)
@@ -191,35 +190,35 @@ contains
    !>
    !> seen  modes as the first channel of the motion measures them
    subroutine condense_channel(self, i, scenario, parameters, locally, y, dy, channel, seen, error)
-      class(motion_rows_t), intent(inout) :: self
+      class(motion_rows_t), intent(inout), target :: self
       integer, intent(in) :: i, parameters(:)
-      type(scenario_t), intent(in) :: scenario
+      type(scenario_t), intent(in), target :: scenario
       logical, intent(in) :: locally
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: channel
       type(seen_modes_t), intent(inout) :: seen
       type(error_t), allocatable, intent(out) :: error
+      type(trial_t) :: trial
       logical :: is_done
       integer :: m
 
       is_done = .false.
-      associate (part => self%parts(i), structure => scenario%structures(i), &
-         excitation => scenario%excitations(i), offset => self%offset_is_unknown(i))
-         if (locally .and. allocated(self%local)) call part%observed%condense_near( &
-            part%meshed_model_t, structure, excitation, offset, parameters, self%local(i), y, dy, &
-            channel, self%work, error, seen, is_done)
+      trial = self%parts(i)%trial(scenario%structures(i), scenario%excitations(i), &
+         self%offset_is_unknown(i), parameters)
+      associate (observed => self%parts(i)%observed)
+         if (locally .and. allocated(self%local)) call observed%condense_near(trial, &
+            self%local(i), y, dy, channel, self%work, error, seen, is_done)
          if (allocated(error)) return
          if (.not. is_done .and. allocated(self%colour)) then
-            m = size(part%observed%measured)
+            m = size(observed%measured)
             allocate (y(m), dy(m, size(parameters)))
-            call part%evaluate(structure, excitation, offset, parameters, y, dy, channel, &
-               self%work, error, seen)
+            call observed%evaluate(trial, y, dy, channel, self%work, error, seen)
             if (allocated(error)) return
+            call channel%complete(m, size(parameters))
             call self%whiten_channel(i, y, dy, channel%basis)
             call channel%condense(y, dy)
          else if (.not. is_done) then
-            call part%observed%condense(part%meshed_model_t, structure, excitation, offset, &
-               parameters, y, dy, channel, self%work, error, seen)
+            call observed%condense(trial, y, dy, channel, self%work, error, seen)
             if (allocated(error)) return
          end if
       end associate

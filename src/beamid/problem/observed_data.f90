@@ -17,13 +17,27 @@ module beamid_observed_data
    implicit none
    private
 
-   public :: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
+   public :: condense_rows, meshed_model_t, observed_data_t, seen_modes_t, trial_t
 
    !> The model of an experiment on a mesh: all that every evaluation uses again.
    type :: meshed_model_t
       type(galerkin_t) :: galerkin             !< integrals of the mesh
       class(solver_t), allocatable :: solver   !< prepared for the mesh
    end type meshed_model_t
+
+   !> The trial values for which the data of an experiment are predicted.
+   type :: trial_t
+      !> mesh and solver of the experiment; the solver may keep intermediate results
+      type(meshed_model_t), pointer :: model => null()
+      !> structure with trial values of the parameters, as in this experiment
+      type(structure_t), pointer :: structure => null()
+      type(excitation_t), pointer :: excitation => null()   !< excitation with trial values
+      !> whether the offset of the sensor is unknown; .false. without `has_offset`
+      logical :: offset = .false.
+      !> (p) numbers in `parameters` to differentiate by; empty if the solver has no exact
+      !> derivatives
+      integer, allocatable :: parameters(:)
+   end type trial_t
 
    !> The free modes of a motion as the sensor of its first channel measures them.
    type :: seen_modes_t
@@ -67,31 +81,19 @@ module beamid_observed_data
       !> Computes the prediction of the model minus the measured values, its derivatives and its
       !> linear unknowns.
       !>
-      !> model       mesh and solver of the experiment; the solver may keep intermediate results
-      !> structure   structure with trial values of the parameters, as in this experiment
-      !> excitation  excitation with trial values
-      !> offset      whether the offset of the sensor is unknown; .false. without `has_offset`
-      !> parameters  (p) numbers in `parameters` to differentiate by; empty if the solver has no
-      !>             exact derivatives
-      !> y           (m) prediction without its linear unknowns, minus the measured values [unit of
-      !>             the data]
-      !> dy          (m, p) derivatives of y
-      !> linear      linear unknowns: first those that all channels of the motion share, two for
-      !>             each free mode; then the offset [unit of the file]. Not allocated: none
-      !> work        counters to which this call adds
-      !> error       the prediction cannot be computed, or has no exact derivatives
-      !> first       modes as the first channel measures them: allocated if these data are a further
-      !>             channel of the same motion; otherwise set by this call
-      subroutine evaluate_data(self, model, structure, excitation, offset, parameters, y, dy, &
-         linear, work, error, first)
-         import :: error_t, excitation_t, linear_t, meshed_model_t, observed_data_t, &
-            seen_modes_t, structure_t, work_t, wp
+      !> y       (m) prediction without its linear unknowns, minus the measured values [unit of the
+      !>         data]
+      !> dy      (m, p) derivatives of y
+      !> linear  linear unknowns: first those that all channels of the motion share, two for each
+      !>         free mode; then the offset [unit of the file]. Not allocated: none
+      !> work    counters to which this call adds
+      !> error   the prediction cannot be computed, or has no exact derivatives
+      !> first   modes as the first channel measures them: allocated if these data are a further
+      !>         channel of the same motion; otherwise set by this call
+      subroutine evaluate_data(self, trial, y, dy, linear, work, error, first)
+         import :: error_t, linear_t, observed_data_t, seen_modes_t, trial_t, work_t, wp
          class(observed_data_t), intent(in) :: self
-         type(meshed_model_t), intent(inout), target :: model
-         type(structure_t), intent(in) :: structure
-         type(excitation_t), intent(in) :: excitation
-         logical, intent(in) :: offset
-         integer, intent(in) :: parameters(:)
+         type(trial_t), intent(in) :: trial
          real(wp), intent(out) :: y(:), dy(:, :)
          type(linear_t), intent(out) :: linear
          type(work_t), intent(inout) :: work
@@ -106,25 +108,20 @@ contains
    !>
    !> y   (rows) residuals
    !> dy  (rows, p) their derivatives
-   subroutine condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
-      linear, work, error, first)
+   subroutine condense_rows(self, trial, y, dy, linear, work, error, first)
       class(observed_data_t), intent(in), target :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
 
-      allocate (y(size(self%measured)), dy(size(self%measured), size(parameters)))
-      call self%evaluate(model, structure, excitation, offset, parameters, y, dy, linear, work, &
+      allocate (y(size(self%measured)), dy(size(self%measured), size(trial%parameters)))
+      call self%evaluate(trial, y, dy, linear, work, &
          error, first)
       if (allocated(error)) return
-      call linear%complete(size(y), size(parameters))
+      call linear%complete(size(y), size(trial%parameters))
       call linear%condense(y, dy)
    end subroutine condense_rows
 
@@ -135,14 +132,9 @@ contains
    !> matrix      (m, columns + 1) columns of the basis and negative record; not allocated: none
    !>
    !> The other arguments are those of `evaluate`.
-   subroutine localize_nothing(self, model, structure, excitation, offset, parameters, covariance, &
-      local, matrix, work, error, first)
+   subroutine localize_nothing(self, trial, covariance, local, matrix, work, error, first)
       class(observed_data_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(in) :: covariance(:, :)
       type(local_decay_t), intent(inout) :: local
       real(wp), allocatable, intent(out) :: matrix(:, :)
@@ -155,14 +147,9 @@ contains
    !>
    !> local    from `localize`, with its rows
    !> is_done  .false.: the parameters are too far away; nothing has been computed
-   subroutine condense_nothing(self, model, structure, excitation, offset, parameters, local, y, &
-      dy, linear, work, error, first, is_done)
+   subroutine condense_nothing(self, trial, local, y, dy, linear, work, error, first, is_done)
       class(observed_data_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       type(local_decay_t), intent(in) :: local
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear

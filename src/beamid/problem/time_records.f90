@@ -14,11 +14,12 @@ module beamid_time_records
    use beamid_linear_unknowns, only: linear_t
    use beamid_local_decays, only: local_decay_t, new_local_decay
    use beamid_observation, only: from_acceleration, new_sampling, sampling_t
-   use beamid_observed_data, only: condense_rows, meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_observed_data, only: condense_rows, meshed_model_t, observed_data_t, seen_modes_t, &
+      trial_t
    use beamid_parameters, only: amplitude
    use beamid_responses, only: exact_solver_t, is_exact, of_tilt, response_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_g, structure_t
+   use beamid_structure, only: of_g
    implicit none
    private
 
@@ -105,14 +106,9 @@ contains
    !> Computes the accelerations of the model minus the record, their derivatives and their linear
    !> unknowns. Arguments as of `observed_data_t`; the first linear unknowns are cosine and sine of
    !> each mode, which are accelerations at the first sample.
-   subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
-      work, error, first)
+   subroutine evaluate(self, trial, y, dy, linear, work, error, first)
       class(time_record_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
@@ -123,27 +119,27 @@ contains
       real(wp) :: none(size(y), 0)
       integer :: p
 
-      applied = excitation
-      if (applied%by_displacement) call applied%fit_to(structure%stiffness())
-      equations = new_equations(model%galerkin, structure, applied, &
-         matrices=.not. is_exact(model%solver))
+      applied = trial%excitation
+      if (applied%by_displacement) call applied%fit_to(trial%structure%stiffness())
+      equations = new_equations(trial%model%galerkin, trial%structure, applied, &
+         matrices=.not. is_exact(trial%model%solver))
       y = 0
       dy = 0
-      if (excitation%modes == 0) then
-         call driven(applied, parameters, y, dy)
+      if (trial%excitation%modes == 0) then
+         call driven(applied, trial%parameters, y, dy)
          if (allocated(error)) return
-         p = findloc(parameters, amplitude, dim=1)
+         p = findloc(trial%parameters, amplitude, dim=1)
          if (p > 0) then
             ! f is linear in the amplitude: its derivative is the response to a unit amplitude.
             call applied%set_amplitude(1.0_wp)
-            if (applied%by_displacement) call applied%fit_to(structure%stiffness())
+            if (applied%by_displacement) call applied%fit_to(trial%structure%stiffness())
             call driven(applied, [integer ::], dy(:, p), none)
             if (allocated(error)) return
          end if
       end if
       y = y - self%measured
-      call self%free_motion(model, equations, applied%modes, parameters, offset, first, linear, &
-         work, error)
+      call self%free_motion(trial%model, equations, applied%modes, trial%parameters, trial%offset, &
+         first, linear, work, error)
 
    contains
 
@@ -158,9 +154,9 @@ contains
          integer :: p
 
          rows = [self%sampling%observation%formula]
-         if (structure%g > 0 .or. any(parameters == of_g)) rows = [rows, of_tilt]
+         if (trial%structure%g > 0 .or. any(parameters == of_g)) rows = [rows, of_tilt]
          associate (sampling => self%sampling)
-            select type (solver => model%solver)
+            select type (solver => trial%model%solver)
             class is (exact_solver_t)
                allocate (motion(size(sampling%times), 0:size(parameters), size(rows)))
                call solver%motions(equations, force, sampling%times, rows, parameters, motion, &
@@ -172,7 +168,7 @@ contains
                   dy(:, p) = sampling%of_motion(motion(:, p, 1))
                   if (size(rows) > 1) dy(:, p) = dy(:, p) + motion(sampling%middle(), p, 2)
                   if (force%by_displacement) dy(:, p) = dy(:, p) &
-                     + structure%stiffening(parameters(p))*y
+                     + trial%structure%stiffening(parameters(p))*y
                end do
             class default
                call solver%respond(equations, force, sampling%times, response, work, error)
@@ -186,14 +182,9 @@ contains
    end subroutine evaluate
 
    !> Condenses the rows of a free decay without forming them. Arguments as of `observed_data_t`.
-   subroutine condense(self, model, structure, excitation, offset, parameters, y, dy, linear, &
-      work, error, first)
+   subroutine condense(self, trial, y, dy, linear, work, error, first)
       class(time_record_t), intent(in), target :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
@@ -203,32 +194,25 @@ contains
       type(decay_rows_t) :: rows
       logical :: is_decay
 
-      call self%find_decay(model, structure, excitation, parameters, first, modes, is_decay, work, &
-         error)
+      call self%find_decay(trial, first, modes, is_decay, work, error)
       if (allocated(error)) return
       if (.not. is_decay) then
-         call condense_rows(self, model, structure, excitation, offset, parameters, y, dy, &
-            linear, work, error, first)
+         call condense_rows(self, trial, y, dy, linear, work, error, first)
          return
       end if
-      rows = new_decay_rows([modes%s], first%begin, merge(self%scale, 0.0_wp, offset), &
+      rows = new_decay_rows([modes%s], first%begin, merge(self%scale, 0.0_wp, trial%offset), &
          self%sampling%sample_times, self%measured)
-      call set_weights(modes, from_acceleration, size(parameters), offset, linear)
-      allocate (dy(0, size(parameters)))
+      call set_weights(modes, from_acceleration, size(trial%parameters), trial%offset, linear)
+      allocate (dy(0, size(trial%parameters)))
       call linear%take_condensed(rows%condensed(), y, dy, 0)
       allocate (linear%rows, source=rows)
    end subroutine condense
 
    !> Finds a basis of the rows of a free decay near given parameters. Arguments as of
    !> `observed_data_t`.
-   subroutine localize(self, model, structure, excitation, offset, parameters, covariance, local, &
-      matrix, work, error, first)
+   subroutine localize(self, trial, covariance, local, matrix, work, error, first)
       class(time_record_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       real(wp), intent(in) :: covariance(:, :)
       type(local_decay_t), intent(inout) :: local
       real(wp), allocatable, intent(out) :: matrix(:, :)
@@ -243,26 +227,20 @@ contains
       logical :: is_decay
       integer :: k
 
-      call self%find_decay(model, structure, excitation, parameters, first, modes, is_decay, work, &
-         error)
+      call self%find_decay(trial, first, modes, is_decay, work, error)
       if (allocated(error) .or. .not. is_decay) return
       distance = [(reach*sqrt(max(0.0_wp, real(dot_product(modes(k)%ds, matmul(covariance, &
          modes(k)%ds))))), k=1, size(modes))]
-      local = new_local_decay([modes%s], distance, first%begin, merge(self%scale, 0.0_wp, offset), &
-         self%sampling%sample_times)
+      local = new_local_decay([modes%s], distance, first%begin, merge(self%scale, 0.0_wp, &
+         trial%offset), self%sampling%sample_times)
       if (real(size(self%measured), wp)*local%columns() <= most_numbers) &
          matrix = local%matrix(self%sampling%sample_times, self%measured)
    end subroutine localize
 
    !> Condenses the rows of a free decay near given parameters. Arguments as of `observed_data_t`.
-   subroutine condense_near(self, model, structure, excitation, offset, parameters, local, y, dy, &
-      linear, work, error, first, is_done)
+   subroutine condense_near(self, trial, local, y, dy, linear, work, error, first, is_done)
       class(time_record_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       type(local_decay_t), intent(in) :: local
       real(wp), allocatable, intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
@@ -276,16 +254,16 @@ contains
       is_done = .false.
       if (.not. allocated(local%rows%y)) return
       before = first
-      call self%find_decay(model, structure, excitation, parameters, first, modes, is_done, work, &
-         error)
+      call self%find_decay(trial, first, modes, is_done, work, error)
       if (allocated(error)) return
-      if (is_done) is_done = local%covers([modes%s], first%begin, merge(self%scale, 0.0_wp, offset))
+      if (is_done) is_done = local%covers([modes%s], first%begin, merge(self%scale, 0.0_wp, &
+         trial%offset))
       if (.not. is_done) then
          first = before
          return
       end if
-      call set_weights(modes, from_acceleration, size(parameters), offset, linear)
-      allocate (dy(0, size(parameters)))
+      call set_weights(modes, from_acceleration, size(trial%parameters), trial%offset, linear)
+      allocate (dy(0, size(trial%parameters)))
       call linear%take_condensed(local%near([modes%s]), y, dy, 0)
    end subroutine condense_near
 
@@ -295,13 +273,9 @@ contains
    !> first     unchanged if the rows cannot be condensed
    !> modes     of the excitation
    !> is_decay  .false.: the record is short or no free decay, or modes form a cluster
-   subroutine find_decay(self, model, structure, excitation, parameters, first, modes, is_decay, &
-      work, error)
+   subroutine find_decay(self, trial, first, modes, is_decay, work, error)
       class(time_record_t), intent(in) :: self
-      type(meshed_model_t), intent(inout), target :: model
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: parameters(:)
+      type(trial_t), intent(in) :: trial
       type(seen_modes_t), intent(inout) :: first
       type(free_mode_t), allocatable, intent(out) :: modes(:)
       logical, intent(out) :: is_decay
@@ -311,12 +285,13 @@ contains
       type(seen_modes_t) :: before
       integer :: k
 
-      is_decay = self%has_rows(excitation)
+      is_decay = self%has_rows(trial%excitation)
       if (.not. is_decay) return
       before = first
-      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
-      call self%find_modes(model, equations, excitation%modes, parameters, first, modes, work, &
-         error)
+      equations = new_equations(trial%model%galerkin, trial%structure, trial%excitation, &
+         matrices=.false.)
+      call self%find_modes(trial%model, equations, trial%excitation%modes, trial%parameters, &
+         first, modes, work, error)
       if (allocated(error)) return
       is_decay = .not. any([(allocated(modes(k)%cluster), k=1, size(modes))])
       if (.not. is_decay) first = before
