@@ -81,7 +81,7 @@ contains
             if (layout%row(k) > 0 .and. operators(k)%is_grounded) &
                self%base_coupling(layout%row(k)) = 1
          end do
-         self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%velocity(:, 0)) > 0)
+         self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%velocity) > 0)
       else
          call add_forces(self, applied, given, modes, layout)
       end if

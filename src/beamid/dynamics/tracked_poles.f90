@@ -6,7 +6,7 @@ module beamid_tracked_poles
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
+   use beamid_galerkin, only: alone, galerkin_t, mesh_t, same_mesh
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
@@ -342,7 +342,8 @@ contains
          load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
          ! The first modes are the motions as a rigid body.
          load%shape(:size(modes%rigid, 2)) = matmul([equations%galerkin%integral( &
-            excitation%power), equations%galerkin%integral(excitation%power + 1)], modes%rigid)
+            excitation%power, alone), equations%galerkin%integral(excitation%power + 1, alone)], &
+            modes%rigid)
       end if
       assembly = new_assembly(equations%structure, modes, parameters, load)
    end subroutine assemble
