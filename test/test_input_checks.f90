@@ -237,7 +237,7 @@ contains
       call write_file('case.nml', ruler//'&prior parameter=''height'', sd=1e-5 /'//nl)
       outcome = beamid('profile case.nml --quiet --out profile')
       call check('profile: errors left out are named', index(outcome%out, &
-         'do not include the errors of the fixed parameters height') > 0, outcome%out)
+         'do not include the errors of fixed parameters (height)') > 0, outcome%out)
       call write_file('case.nml', ruler)
       outcome = beamid('profile case.nml --quiet --out profile')
       text = outcome%out

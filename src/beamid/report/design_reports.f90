@@ -86,8 +86,8 @@ contains
                   fixed = fixed//', '//trim(prior%name)
             end associate
          end do
-         if (fixed /= '') call text%line('these predictions do not include the errors of the '// &
-            'fixed parameters '//fixed(3:))
+         if (fixed /= '') call text%line('these predictions do not include the errors of fixed '// &
+            'parameters ('//fixed(3:)//')')
       end subroutine add_fixed
 
    end function design_summary

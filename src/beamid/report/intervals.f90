@@ -260,8 +260,8 @@ contains
       do k = 1, size(fit%held)
          line = line//', '//trim(fit%held(k)%name)
       end do
-      call text%line('these intervals do not include the errors of the fixed parameters '// &
-         line(3:)//'; the total intervals of identify do')
+      call text%line('these intervals do not include the errors of fixed parameters ('// &
+         line(3:)//'); the total intervals of identify do')
 
    contains
 
