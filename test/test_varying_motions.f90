@@ -124,11 +124,12 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable :: columns(:, :), derivatives(:, :, :)
       real(wp) :: bent
+      integer :: k
 
       e%structure = structure_t(length=1, rho=1, E=1, I=1, c_D=0.05_wp, gamma=1)
       e%structure%variations%gamma = new_variation(in_lines, [0.0_wp, 1.0_wp], [2.0_wp, 0.0_wp])
       e%mesh = mesh_t(5, 4, 6, 1)
-      e%sampling = new_sampling(observation_t(), [100.0_wp, 101.0_wp])
+      e%sampling = new_sampling(observation_t(), [(100 + 0.1_wp*k, k=1, 12)])
       call new_base_motion([0.0_wp, 1.0_wp, 1.5_wp, 200.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], &
          e%excitation, error)
       call prepare(e)
