@@ -202,6 +202,14 @@ def download(page, button, folder):
     return path
 
 
+def unpacked_case(page, folder):
+    """Saves and unpacks the case; returns its folder."""
+    archive = download(page, "case", folder)
+    with zipfile.ZipFile(archive) as packed:
+        packed.extractall(folder)
+    return folder / archive.stem
+
+
 def look(page, name):
     """Takes screenshots of a step, in which nothing is wider than the screen."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
@@ -263,15 +271,12 @@ def test_from_record_to_case(tab, server, example, tmp_path):
     tab.get_by_text("Beyond linear theory").wait_for(timeout=WAIT)
     tab.click("[data-step=save]")
     look(tab, "save")
-    archive = download(tab, "case", tmp_path)
-    with zipfile.ZipFile(archive) as packed:
-        packed.extractall(tmp_path)
-    folder = tmp_path / archive.stem
+    folder = unpacked_case(tab, tmp_path)
     case = (folder / "case.nml").read_text()
     assert "scale=9.80665" in case and f"t_first={ends[0]:g}" in case
     subprocess.run([PROGRAM, "identify", "case.nml", "--quiet", "--out", "out"], cwd=folder,
                    check=True, stdout=subprocess.DEVNULL)
-    there = server.folder / archive.stem / "fit_1"
+    there = server.folder / folder.name / "fit_1"
     for name in ("estimates.csv", "modes.csv", "fit.csv", "summary.txt"):
         assert (folder / "out" / name).read_text() == (there / name).read_text(), name
     rows = [line.split(",") for line in (there / "estimates.csv").read_text().splitlines()]
@@ -642,22 +647,21 @@ def test_several_records(tab, server, example, tmp_path):
     tab.wait_for_selector("[aria-label='remove record 3']", timeout=WAIT)
     tab.click("[data-go=remove-record]")
     tab.wait_for_selector("[data-record='3']", state="detached", timeout=WAIT)
+    # The message goes with the next check of the case.
+    tab.get_by_text("Record 3: ").first.wait_for(state="detached", timeout=WAIT)
     assert tab.get_by_text("Record 3: ").count() == 0
     restored(tab)
     tab.wait_for_selector("[data-record='2']", timeout=WAIT)
     assert tab.input_value("[data-field=record-t_first]") == "1.5"
     fit(tab, 1)
     tab.click("[data-step=save]")
-    archive = download(tab, "case", tmp_path)
-    with zipfile.ZipFile(archive) as packed:
-        packed.extractall(tmp_path)
-    folder = tmp_path / archive.stem
+    folder = unpacked_case(tab, tmp_path)
     case = (folder / "case.nml").read_text()
     assert re.findall(r"&record +(.*) /", case) == [
         "file='record.csv', t_last=3", "file='record_2.csv', scale=9.80665, t_first=1.5"]
     subprocess.run([PROGRAM, "identify", "case.nml", "--quiet", "--out", "out"], cwd=folder,
                    check=True, stdout=subprocess.DEVNULL)
-    there = server.folder / archive.stem / "fit_1"
+    there = server.folder / folder.name / "fit_1"
     assert (folder / "out/estimates.csv").read_text() == (there / "estimates.csv").read_text()
     assert (there / "summary.txt").read_text().count("\nrecord 2:") == 1
 
@@ -753,16 +757,13 @@ def test_measured_force(tab, server, tmp_path):
     tab.get_by_text("force [N] (force.csv)").wait_for(timeout=WAIT)
     fit(tab, 2)
     tab.click("[data-step=save]")
-    archive = download(tab, "case", tmp_path)
-    with zipfile.ZipFile(archive) as packed:
-        packed.extractall(tmp_path)
-    own = tmp_path / archive.stem
+    own = unpacked_case(tab, tmp_path)
     assert "&excitation kind='table', file='force_2.csv', x_F=0.2 /" in (
         own / "case.nml").read_text()
     subprocess.run([PROGRAM, "identify", "case.nml", "--quiet", "--out", "out"], cwd=own,
                    check=True, stdout=subprocess.DEVNULL)
     texts = [path.read_text() for path in (own / "out/estimates.csv", *(
-        server.folder / archive.stem / f"fit_{k}" / "estimates.csv" for k in (1, 2)))]
+        server.folder / own.name / f"fit_{k}" / "estimates.csv" for k in (1, 2)))]
     assert texts[0] == texts[2]
     for text in texts[1:]:    # a force in kN is that in N but for round-off
         rows = [line.split(",") for line in text.splitlines()]
