@@ -15,6 +15,9 @@ module beamid_simulation
 
    public :: model_t, simulation_t, simulate, simulate_converged, refine_for_modes
 
+   !> Number of natural frequencies for which the commands `modes` and `frf` refine the mesh.
+   integer, parameter, public :: lowest_modes = 10
+
    !> A model without its mesh: everything that turns parameters into accelerations.
    type :: model_t
       type(structure_t) :: structure

@@ -254,10 +254,10 @@ contains
       values = w(:m)*(values - sum(w(:m)*values)/sum(w(:m)))
       power = matched_filter(times, values, 0.0_wp, [0.0_wp, min(highest, (m - 1)/(2*span))], step)
       ! The first points belong to the window and to a trend of the record, not to a motion.
-      if (size(power) > 8) frequency = (maxloc(power(6:), dim=1) + 4)*step
-      ! The power of white noise is exponentially distributed, with a median of log(2) times its
-      ! mean. Four steps of the grid make one independent frequency.
       if (size(power) > 8) then
+         frequency = (maxloc(power(6:), dim=1) + 4)*step
+         ! The power of white noise is exponentially distributed, with a median of log(2) times its
+         ! mean. Four steps of the grid make one independent frequency.
          if (maxval(power(6:)) < log(size(power)/(4*level))*median(power(6:))/log(2.0_wp)) &
             frequency = 0
       end if

@@ -76,18 +76,15 @@ contains
       !> Adds a line that names the fixed parameters with a prior, because designs ignore their
       !> errors.
       subroutine add_fixed()
-         character(len=:), allocatable :: fixed
+         character(len=name_length), allocatable :: fixed(:)
 
          if (.not. allocated(case%model%priors)) return
-         fixed = ''
-         do k = 1, size(case%model%priors)
-            associate (prior => case%model%priors(k))
-               if (.not. any(prior%parameter(1) == designs%quantities%parameter)) &
-                  fixed = fixed//', '//trim(prior%name)
-            end associate
-         end do
-         if (fixed /= '') call text%line('these predictions do not include the errors of fixed '// &
-            'parameters ('//fixed(3:)//')')
+         associate (priors => case%model%priors)
+            fixed = pack(priors%name, [(all(priors(k)%parameter(1) /= &
+               designs%quantities%parameter), k=1, size(priors))])
+         end associate
+         if (size(fixed) > 0) call text%line('these predictions do not include the errors of '// &
+            'fixed parameters ('//listed(fixed, ', ')//')')
       end subroutine add_fixed
 
    end function design_summary

@@ -10,6 +10,7 @@ module beamid_intervals
    use beamid_texts, only: left, next_line, right, text_t
    use beamid_units, only: units_t
    use beamid_unknowns, only: name_length, quantity_t
+   use beamid_values, only: listed
    implicit none
    private
 
@@ -256,12 +257,8 @@ contains
       end do
       if (.not. allocated(fit%held)) return
       if (size(fit%held) == 0) return
-      line = ''
-      do k = 1, size(fit%held)
-         line = line//', '//trim(fit%held(k)%name)
-      end do
       call text%line('these intervals do not include the errors of fixed parameters ('// &
-         line(3:)//'); the total intervals of identify do')
+         listed(fit%held%name, ', ')//'); the total intervals of identify do')
 
    contains
 

@@ -21,7 +21,7 @@ module beamid_case_runs
    use beamid_modes, only: undamped_modes
    use beamid_records, only: note_length
    use beamid_roots, only: damped_roots
-   use beamid_simulation, only: refine_for_modes, simulate_converged
+   use beamid_simulation, only: lowest_modes, refine_for_modes, simulate_converged
    use beamid_strings, only: to_text
    implicit none
    private
@@ -157,16 +157,14 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: still
-      !> Number of modes for which a mesh is refined.
-      integer, parameter :: lowest = 10
       real(wp), allocatable :: shapes(:, :)
       integer :: k
 
       still = new_pulse(0.0_wp, 1.0_wp)
       allocate (found%meshes(size(case%meshes)))
       do k = 1, size(case%meshes)
-         if (case%refines) call refine_for_modes(case%model%structure, lowest, case%meshes(k), &
-            found%remaining, error)
+         if (case%refines) call refine_for_modes(case%model%structure, lowest_modes, &
+            case%meshes(k), found%remaining, error)
          call locate(error, case%path)
          if (allocated(error)) return
          galerkin = galerkin_of(case%meshes(k), case%model%structure, fixed=.true.)
@@ -177,8 +175,8 @@ contains
          if (allocated(error)) return
          if (.not. case%refines) cycle
          associate (here => found%meshes(k))
-            here%omega = here%omega(:min(lowest, size(here%omega)))
-            here%roots = here%roots(:min(lowest, size(here%roots)))
+            here%omega = here%omega(:min(lowest_modes, size(here%omega)))
+            here%roots = here%roots(:min(lowest_modes, size(here%roots)))
          end associate
       end do
       if (found%is_fitted .and. .not. allocated(found%fit_error)) call identify_meshes( &

@@ -16,7 +16,7 @@ module beamid_frequency_runs
    use beamid_records, only: note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: prepare_for, work_t
-   use beamid_simulation, only: refine_for_modes
+   use beamid_simulation, only: lowest_modes, refine_for_modes
    use beamid_statistics, only: unlimited
    use beamid_structure, only: structure_t
    implicit none
@@ -112,14 +112,12 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_fit_t), allocatable :: fits(:, :)
-      !> Number of natural frequencies for which the mesh is refined.
-      integer, parameter :: lowest = 10
       real(wp) :: remaining
       integer :: k
 
       if (case%refines .and. .not. found%is_fitted) call refine_for_modes( &
-         found%experiment%structure_of(case%model%structure), lowest, case%meshes(1), remaining, &
-         error)
+         found%experiment%structure_of(case%model%structure), lowest_modes, case%meshes(1), &
+         remaining, error)
       call locate(error, case%path)
       if (allocated(error)) return
       if (found%is_fitted) then

@@ -122,12 +122,8 @@ contains
       do r = 1, size(experiments)
          call compare_with_model(case, experiments(r), frequencies, nyquist, line)
          if (.not. allocated(frequencies)) cycle
-         if (.not. line > 0) then
-            text = 'no spectral line of record '//to_text(r)//' stands above its noise: check '// &
-               'whether value_column names the right column'
-            return
-         end if
-         if (distance_to(frequencies, line) < log(usual)) cycle
+         ! A record without a line is refused by `check_frequencies` of the start search.
+         if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
          text = 'the strongest spectral line of record '//to_text(r)//' is at '// &
             with_unit(line, case)//', '//rounded(line/frequencies(1), 3)// &
             ' times the first natural frequency of the model, '// &
