@@ -574,17 +574,16 @@ def test_memory_of_reloads(tab, server, tmp_path):
     """Loading a tab again and again, and closing tabs, does not let the memory grow."""
     t = np.arange(0, 60, 0.001)
     upload(tab, write(tmp_path / "long.csv", t, np.sin(39.4 * t)))
-    for _ in range(4):
-        restored(tab)
-    tab.wait_for_timeout(13000)    # pages that were left are deleted after 10 s
-    before = server.memory()
-    for _ in range(30):
-        restored(tab)
-    deadline = time.monotonic() + 90    # the last pages go when the machine finds time
-    while server.memory() - before > 30 and time.monotonic() < deadline:
-        tab.wait_for_timeout(1000)
-    growth = server.memory() - before
-    assert growth < 30, f"memory grows by {growth / 30:.1f} MB per reload"
+    growths = []
+    # The first pages make the heap as large as it has to be, and later its gaps may grow once more.
+    # What is kept for every page grows each time.
+    while len(growths) < 5 and (len(growths) < 2 or growths[-1] > 8):
+        before = server.memory()
+        for _ in range(15):
+            restored(tab)
+        tab.wait_for_timeout(13000)    # pages that were left are deleted after 10 s
+        growths.append(server.memory() - before)
+    assert growths[-1] <= 8, f"MB that every 15 loads add: {growths}"
     tab.get_by_text("long.csv").first.wait_for(timeout=WAIT)
 
 
