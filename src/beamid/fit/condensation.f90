@@ -85,7 +85,7 @@ contains
       allocate (products(columns, columns), first(k, k), factor(k, k))
       is_improved = .false.
       allocate (c(k), source=0.0_wp)
-      if (rows%rows >= stride**2*block_rows) then
+      if (rows%rows >= stride**2*block_rows .and. .not. present(only_factor)) then
          call multiply(rows, x, products, every=stride)
          call factorize(products, k, first, condition)
          if (condition <= good) then
