@@ -41,8 +41,6 @@ module beamid_synthesis
       integer :: row = 0                    !< index of the sample time at its end; 0: none
       logical :: same = .false.             !< as long as the step before
       logical :: is_free = .true.           !< no force acts
-      !> number of steps from this one on that are as long, free, and end at successive samples
-      integer :: alike = 1
    end type step_t
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
@@ -258,11 +256,6 @@ contains
             steps(n)%row = k
          end do
       end associate
-      do k = n - 1, 1, -1
-         if (steps(k)%is_free .and. steps(k)%row > 0 .and. steps(k + 1)%same .and. &
-            steps(k + 1)%is_free .and. steps(k + 1)%row == steps(k)%row + 1) &
-            steps(k)%alike = 1 + steps(k + 1)%alike
-      end do
 
    contains
 
@@ -310,7 +303,7 @@ contains
       complex(wp) :: growth, z_now, y_now, phi(4)
       real(wp) :: re, im, z_re, z_im, y_re, y_im
       logical :: known, with_slope
-      integer :: i, j
+      integer :: j
 
       with_slope = present(y)
       z_re = z(1)
@@ -323,42 +316,38 @@ contains
       end if
       growth = 1
       known = .false.
-      j = 1
-      do while (j <= size(steps))
+      do j = 1, size(steps)
          associate (by => steps(j), h => steps(j)%length)
             if (.not. by%same) then
                growth = exp(s*h)
                known = .false.
             end if
-            do i = by%row, by%row + by%alike - 1
-               if (with_slope) then
-                  re = y_re + h*z_re
-                  im = y_im + h*z_im
-                  y_re = real(growth)*re - aimag(growth)*im
-                  y_im = real(growth)*im + aimag(growth)*re
-               end if
-               re = real(growth)*z_re - aimag(growth)*z_im
-               z_im = real(growth)*z_im + aimag(growth)*z_re
-               z_re = re
-               if (.not. by%is_free) then
-                  if (.not. known) phi = phi_functions(s*h, growth)
-                  known = .true.
-                  z_now = h*(by%force*phi(1) + by%slope*h*phi(2))
-                  y_now = h**2*(by%force*phi(3) + by%slope*h*phi(4))
-                  z_re = z_re + real(z_now)
-                  z_im = z_im + aimag(z_now)
-                  y_re = y_re + real(y_now)
-                  y_im = y_im + aimag(y_now)
-               end if
-               if (i == 0) cycle
-               x(i) = z_re
-               x_imag(i) = z_im
-               if (.not. with_slope) cycle
-               w(i) = y_re
-               w_imag(i) = y_im
-            end do
+            if (with_slope) then
+               re = y_re + h*z_re
+               im = y_im + h*z_im
+               y_re = real(growth)*re - aimag(growth)*im
+               y_im = real(growth)*im + aimag(growth)*re
+            end if
+            re = real(growth)*z_re - aimag(growth)*z_im
+            z_im = real(growth)*z_im + aimag(growth)*z_re
+            z_re = re
+            if (.not. by%is_free) then
+               if (.not. known) phi = phi_functions(s*h, growth)
+               known = .true.
+               z_now = h*(by%force*phi(1) + by%slope*h*phi(2))
+               y_now = h**2*(by%force*phi(3) + by%slope*h*phi(4))
+               z_re = z_re + real(z_now)
+               z_im = z_im + aimag(z_now)
+               y_re = y_re + real(y_now)
+               y_im = y_im + aimag(y_now)
+            end if
+            if (by%row == 0) cycle
+            x(by%row) = z_re
+            x_imag(by%row) = z_im
+            if (.not. with_slope) cycle
+            w(by%row) = y_re
+            w_imag(by%row) = y_im
          end associate
-         j = j + steps(j)%alike
       end do
       z = [z_re, z_im]
       if (with_slope) y = [y_re, y_im]
