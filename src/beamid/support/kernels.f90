@@ -134,22 +134,24 @@ contains
       integer, intent(in) :: degree
       real(wp), intent(in) :: d(chunk)
       real(wp), intent(inout) :: re(chunk), im(chunk)
-      integer, parameter :: few = 4   ! samples whose numbers stay in registers
-      real(wp), dimension(few) :: e, p, q, u, v
+      real(wp), dimension(chunk) :: p, q
+      real(wp) :: u
       integer :: j, k
 
-      do j = 1, chunk, few
-         e = d(j:j + few - 1)
-         p = self%a(degree)
-         q = self%b(degree)
-         do k = degree - 1, 0, -1
-            p = self%a(k) + e*p
-            q = self%b(k) + e*q
+      p = self%a(degree)
+      q = self%b(degree)
+      do k = degree - 1, 0, -1
+         !$omp simd
+         do j = 1, chunk
+            p(j) = self%a(k) + d(j)*p(j)
+            q(j) = self%b(k) + d(j)*q(j)
          end do
-         u = re(j:j + few - 1)
-         v = im(j:j + few - 1)
-         re(j:j + few - 1) = u*p - v*q
-         im(j:j + few - 1) = u*q + v*p
+      end do
+      !$omp simd private(u)
+      do j = 1, chunk
+         u = re(j)
+         re(j) = u*p(j) - im(j)*q(j)
+         im(j) = u*q(j) + im(j)*p(j)
       end do
    end subroutine multiply
 
