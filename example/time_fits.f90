@@ -1,6 +1,7 @@
 !> How long a fit takes, and one evaluation of its residuals and their Jacobian, without start-up
-!> and reading: `time_fits CASE FITS EVALUATIONS` does as many of each on the last mesh of a case
-!> and prints medians of the processor's time in seconds. Without words: one of each of the bench.
+!> and reading: `time_fits CASE FITS EVALUATIONS [SET_UPS]` does as many of each on the last mesh of
+!> a case and prints medians of the processor's time in seconds. Without words: one of each of the
+!> bench.
 program time_fits
    use beamid, only: case_t, error_t, experiment_t, identify, load_experiments, needs_fit, &
       note_length, read_case, stage_fit_t, variable_t, wp
@@ -13,11 +14,12 @@ program time_fits
    type(error_t), allocatable :: error
    character(len=note_length), allocatable :: notes(:)
    character(len=1000) :: path, word
-   integer :: fits, evaluations, failed
+   integer :: fits, evaluations, set_ups, failed
 
    path = 'data/bench_fit.nml'
    fits = 1
    evaluations = 1
+   set_ups = 1
    failed = 0
    if (command_argument_count() > 0) then
       call get_command_argument(1, path)
@@ -25,29 +27,28 @@ program time_fits
       read (word, *, iostat=failed) fits
       call get_command_argument(3, word)
       if (failed == 0) read (word, *, iostat=failed) evaluations
+      set_ups = 0
+      call get_command_argument(4, word)
+      if (failed == 0 .and. word /= '') read (word, *, iostat=failed) set_ups
    end if
    if (failed /= 0) error stop 'found no numbers, expected time_fits CASE FITS EVALUATIONS'
    call read_case(trim(path), needs_fit, case, error)
    if (.not. allocated(error)) call load_experiments(case, experiments, notes, error)
    if (allocated(error)) error stop error%message
    call repeat_fits()
+   call repeat_set_ups()
    call repeat_evaluations()
    call print_memory()
 
 contains
 
-   !> Whole fits with their statistics; what the mesh itself takes of that is `set_up`.
+   !> Whole fits, with the mesh and the statistics.
    subroutine repeat_fits()
       type(stage_fit_t), allocatable :: found(:)
-      type(residual_t) :: problem
-      real(wp) :: whole(fits), set_up(fits)
+      real(wp) :: whole(fits)
       integer :: k
 
       do k = 1, fits
-         set_up(k) = now()
-         call new_residuals(case%model, case%meshes(size(case%meshes)), experiments, problem, error)
-         set_up(k) = now() - set_up(k)
-         if (allocated(error)) error stop error%message
          whole(k) = now()
          call identify(case%model, case%meshes(size(case%meshes)), case%stages, experiments, &
             found, error, check=.false.)
@@ -55,9 +56,24 @@ contains
          if (allocated(error)) error stop error%message
       end do
       if (fits == 0) return
-      print '(a,es12.4)', 'set_up', median(set_up), 'fit', median(whole)
+      print '(a,es12.4)', 'fit', median(whole)
       print '(a,i0)', 'evaluations_of_fit ', found(1)%fit%evaluations
    end subroutine repeat_fits
+
+   !> The share of a fit that the mesh takes.
+   subroutine repeat_set_ups()
+      type(residual_t) :: problem
+      real(wp) :: set_up(set_ups)
+      integer :: k
+
+      do k = 1, set_ups
+         set_up(k) = now()
+         call new_residuals(case%model, case%meshes(size(case%meshes)), experiments, problem, error)
+         set_up(k) = now() - set_up(k)
+         if (allocated(error)) error stop error%message
+      end do
+      if (set_ups > 0) print '(a,es12.4)', 'set_up', median(set_up)
+   end subroutine repeat_set_ups
 
    !> Residuals and Jacobian (by an integrator: residuals) near the start of the first stage: those
    !> of a search, in condensed rows, are `evaluation`, all rows are `all_rows`. The parameters move

@@ -270,10 +270,10 @@ class Beamid:
         values = {row["parameter"]: float(row["estimate"]) for row in self.output("estimates.csv")}
         return tuple(values[name] for name in names), values["J"]
 
-    def clock(self, case, fits, evaluations, *wrapper):
+    def clock(self, case, fits, evaluations, *wrapper, set_ups=0):
         """What `time_fits` prints, as numbers, and standard error."""
-        done = subprocess.run([*wrapper, self.timer, case, str(fits), str(evaluations)],
-                              capture_output=True, text=True)
+        done = subprocess.run([*wrapper, self.timer, case, str(fits), str(evaluations),
+                               str(set_ups)], capture_output=True, text=True)
         if done.returncode:
             fail(f"time_fits: {done.stderr.strip()}", 1)
         lines = [line.split() for line in done.stdout.splitlines()]
@@ -281,12 +281,15 @@ class Beamid:
 
     def seconds(self, case, what, target):
         """Median time of what is repeated for so long: fit, set_up, evaluation or all_rows."""
-        fits = what not in ("evaluation", "all_rows")
-        if (case, fits) not in self.counts:
-            first = self.clock(case, 3 * fits, 3 * (not fits))[0]
-            self.counts[case, fits] = first["fit" if fits else what]
-        count = max(1, min(301, int(target / self.counts[case, fits])))
-        return self.clock(case, count * fits, count * (not fits))[0][what]
+        kind = what if what in ("fit", "set_up") else "evaluation"
+
+        def clocked(count):
+            return self.clock(case, count * (kind == "fit"), count * (kind == "evaluation"),
+                              set_ups=count * (kind == "set_up"))[0][what]
+
+        if (case, kind) not in self.counts:
+            self.counts[case, kind] = clocked(3)
+        return clocked(max(1, min(301, int(target / self.counts[case, kind]))))
 
     def slow_row(self, label, elements, integrator, cap):
         """A fit by an integrator: the whole process, and the fit inside it."""

@@ -4,11 +4,12 @@
 !> With the decomposition A = Q R, |A x + y| = |R x + Q'y| + |y - Q Q'y| in squares, for every x. R
 !> and Q'y need one pass over blocks of rows: R is Cholesky's factor of A'A with columns of length
 !> one. A second pass forms y - A c with c = R**-1 Q'y and corrects Q'y, so that a small remainder
-!> keeps its digits. If the condition of A is poor, R is improved by a decomposition of A R**-1
+!> keeps its digits. Of a very long record, some blocks give a first c, and the only pass forms
+!> y - A c as well. If the condition of A is poor, R is improved by a decomposition of A R**-1
 !> (CholeskyQR2: Yamamoto et al., Electron. Trans. Numer. Anal. 44, 2015, 306). If that fails,
 !> Householder reflections decompose the blocks one after the other.
 module beamid_condensation
-   use beamid_kernels, only: add_products, block_rows, subtract_columns
+   use beamid_kernels, only: add_products, block_rows, combine_columns, subtract_columns
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeqrf
    implicit none
@@ -55,6 +56,11 @@ module beamid_condensation
    !> Condition above which Cholesky's factor is improved, and above which reflections are used.
    real(wp), parameter :: poor = 1e4_wp, very_poor = 1e8_wp
 
+   !> One pass suffices up to this condition.
+   real(wp), parameter :: good = 100
+   !> Every so many blocks of a record give the first c, if there are as many of these.
+   integer, parameter :: stride = 16
+
    !> Number of rows below which nothing is gained.
    integer, parameter, public :: few_rows = 4*block_rows
 
@@ -67,9 +73,9 @@ contains
       class(rows_t), intent(in) :: rows
       type(condensed_t), intent(out) :: condensed
       logical, intent(in), optional :: only_factor
-      real(wp), allocatable :: x(:, :), products(:, :), first(:, :), factor(:, :)
+      real(wp), allocatable :: x(:, :), products(:, :), first(:, :), factor(:, :), c(:)
       real(wp) :: condition
-      logical :: is_improved
+      logical :: is_improved, keeps_digits
       integer :: columns, k
 
       k = rows%columns
@@ -78,7 +84,17 @@ contains
       allocate (x(block_rows, columns), source=0.0_wp)
       allocate (products(columns, columns), first(k, k), factor(k, k))
       is_improved = .false.
-      call multiply(rows, x, products)
+      allocate (c(k), source=0.0_wp)
+      if (rows%rows >= stride**2*block_rows .and. .not. present(only_factor)) then
+         call multiply(rows, x, products, every=stride)
+         call factorize(products, k, first, condition)
+         if (condition <= good) then
+            c = products(:k, k + 1)
+            call divide_transposed(first, c)
+            call divide(first, c)
+         end if
+      end if
+      call multiply(rows, x, products, c=c)
       call factorize(products, k, first, condition)
       if (condition > poor .and. condition <= very_poor) then
          is_improved = .true.
@@ -94,11 +110,19 @@ contains
       if (present(only_factor)) then
          if (only_factor) return
       end if
+      condensed%y = products(:k, k + 1)
       if (is_improved) then
-         call project(rows, x, products(:k, k + 1), factor, condensed, first)
-      else
-         call project(rows, x, products(:k, k + 1), first, condensed)
+         call divide_transposed(factor, condensed%y)
+         call project(rows, x, factor, condensed, first)
+         return
       end if
+      call divide_transposed(first, condensed%y)
+      associate (total => products(k + 1, k + 1), along => sum(condensed%y**2))
+         condensed%left = sqrt(max(0.0_wp, total - along))
+         keeps_digits = condition <= good .and. along < total/2
+      end associate
+      condensed%y = condensed%y + matmul(first, c)
+      if (.not. keeps_digits) call project(rows, x, first, condensed)
    end subroutine condense
 
    !> Computes the products of all columns.
@@ -106,16 +130,23 @@ contains
    !> x         (block_rows, columns) space for a block; column k + 2, if there is one, is 0
    !> products  (columns, columns) the upper triangle of [A y]'[A y]
    !> divisor   (k, k) if present, A is replaced by A divisor**-1
-   subroutine multiply(rows, x, products, divisor)
+   !> c         (k) if present, y is replaced by y - A c
+   !> every     if present, only the first of so many blocks are taken
+   subroutine multiply(rows, x, products, divisor, c, every)
       class(rows_t), intent(in) :: rows
       real(wp), intent(inout), contiguous :: x(:, :)
       real(wp), intent(out), contiguous :: products(:, :)
-      real(wp), intent(in), optional :: divisor(:, :)
-      integer :: first
+      real(wp), intent(in), optional :: divisor(:, :), c(:)
+      integer, intent(in), optional :: every
+      integer :: first, k, step
 
+      k = rows%columns
+      step = block_rows
+      if (present(every)) step = every*block_rows
       products = 0
-      do first = 1, rows%rows, block_rows
+      do first = 1, rows%rows, step
          call next_block(rows, first, x, divisor)
+         if (present(c)) call combine_columns(x, k, -c, 1, x(:, k + 1))
          call add_products(x, size(products, 2), products)
       end do
    end subroutine multiply
@@ -181,23 +212,21 @@ contains
       end do
    end subroutine factorize
 
-   !> Computes Q'y and what is left of y, and corrects them once.
+   !> Corrects Q'y, and computes what is left of y.
    !>
-   !> along    (k) A'y
-   !> factor   (k, k) R of A or, with `divisor`, of A divisor**-1
-   !> divisor  as in `multiply`
-   subroutine project(rows, x, along, factor, condensed, divisor)
+   !> factor     (k, k) R of A or, with `divisor`, of A divisor**-1
+   !> condensed  in and out: Q'y; out: what is left
+   !> divisor    as in `multiply`
+   subroutine project(rows, x, factor, condensed, divisor)
       class(rows_t), intent(in) :: rows
       real(wp), intent(inout), contiguous :: x(:, :)
-      real(wp), intent(in) :: along(:), factor(:, :)
+      real(wp), intent(in) :: factor(:, :)
       type(condensed_t), intent(inout) :: condensed
       real(wp), intent(in), optional :: divisor(:, :)
-      real(wp) :: c(size(along)), still(size(along)), total
+      real(wp) :: c(size(factor, 1)), still(size(c)), total
       integer :: first, k
 
-      k = size(along)
-      condensed%y = along
-      call divide_transposed(factor, condensed%y)
+      k = size(c)
       c = condensed%y
       call divide(factor, c)
       still = 0

@@ -17,10 +17,12 @@ module beamid_kernels
    integer, parameter, public :: block_rows = 128
    !> Number of samples for which one exponential is computed.
    integer, parameter :: chunk = 32
-   !> Degrees of Taylor polynomials, and the largest arguments for which their relative error is
-   !> below 2**-54.
-   integer, parameter :: degrees(3) = [2, 7, 14]
-   real(wp), parameter :: limits(3) = [6e-6_wp, 3.5e-2_wp, 0.5_wp]
+   !> Degrees of Taylor polynomials, and the largest arguments for which the first neglected term,
+   !> relative to e**x, is below 2**-54.
+   integer :: i
+   integer, parameter :: highest = 14
+   real(wp), parameter :: limits(highest) = [((0.5_wp**54*gamma(i + 2.0_wp))**(1/(i + 1.0_wp)), &
+      i=1, highest)]
 
    !> The motion e**(s t) at times that lie near a uniform grid.
    !>
@@ -33,7 +35,7 @@ module beamid_kernels
       real(wp), private :: step = 0                  !< of the grid [time]
       real(wp), private :: re(chunk) = 1, im(chunk) = 0     !< e**(s t) on the grid
       !> real and imaginary parts of s**k/k!
-      real(wp), private :: a(0:degrees(3)) = 0, b(0:degrees(3)) = 0
+      real(wp), private :: a(0:highest) = 0, b(0:highest) = 0
    contains
       procedure :: fill
    end type decay_t
@@ -106,7 +108,7 @@ contains
             largest = max(largest, abs(d(j)))
          end do
          largest = largest*abs(self%s)
-         if (.not. largest <= limits(3)) then
+         if (.not. largest <= limits(highest)) then
             do j = first, first + chunk - 1
                e = exponential(self%s, t(j))
                re(j) = real(e)
@@ -122,7 +124,7 @@ contains
             re(first + j - 1) = u
             im(first + j - 1) = v
          end do
-         call multiply(self, degrees(count(largest > limits) + 1), d, re(first), im(first))
+         call multiply(self, count(largest > limits) + 1, d, re(first), im(first))
       end do
    end subroutine fill
 
