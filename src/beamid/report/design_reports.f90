@@ -80,8 +80,11 @@ contains
 
          if (.not. allocated(case%model%priors)) return
          associate (priors => case%model%priors)
-            fixed = pack(priors%name, [(all(priors(k)%parameter(1) /= &
-               designs%quantities%parameter), k=1, size(priors))])
+            fixed = [character(len=name_length) ::]
+            do k = 1, size(priors)
+               if (all(priors(k)%parameter(1) /= designs%quantities%parameter)) &
+                  fixed = [character(len=name_length) :: fixed, priors(k)%name]
+            end do
          end associate
          if (size(fixed) > 0) call text%line('these predictions do not include the errors of '// &
             'fixed parameters ('//listed(fixed, ', ')//')')
