@@ -151,7 +151,8 @@ contains
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
       if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', &
-         '''free''', 'a force, a release or a base that is known', error)
+         '''free''', 'the excitation of the planned experiment, as kind=''release'' and a '// &
+         'displacement; with modes=... in &design its start counts as unknown', error)
       do k = 1, size(case%recordings)
          associate (recording => case%recordings(k))
             if (recording%kind /= case%recordings(1)%kind .or. recording%kind == 'modes') &
