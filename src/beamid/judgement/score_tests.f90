@@ -137,7 +137,7 @@ contains
          call test(fit, d, experiments(k)%offset, is_nonnegative=.false., sd=0.0_wp, &
             one=tests(tested))
       end do
-      call decide(tests)
+      call decide(fit, tests)
    end subroutine test_candidates
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
@@ -314,12 +314,16 @@ contains
       end do
    end subroutine find_largest_shift
 
-   !> Decides which tests matter: they are significant, by Bonferroni's correction for their number.
-   subroutine decide(tests)
+   !> Decides which tests matter: they are significant, by Bonferroni's correction for their number,
+   !> and a finer mesh does not reduce J by half as much or more. The residuals that such a candidate
+   !> explains are errors of the mesh, which the intervals include.
+   subroutine decide(fit, tests)
+      type(stage_fit_t), intent(in) :: fit
       type(score_test_t), intent(inout) :: tests(:)
 
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
-         (tests%moves > large_shift .or. tests%decrease > significant_decrease)
+         (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
+         (tests%parameter == 0 .or. tests%decrease > 2*fit%mesh_decrease)
       ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide

@@ -329,14 +329,24 @@ contains
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable, intent(out) :: text
-      integer :: r
+      !> Share of the squared residuals above which their mean is the main cause.
+      real(wp), parameter :: most = 0.5_wp
+      integer :: first, r
 
       text = ''
       r = minloc(qualities%fit_percent, dim=1)
       if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
       text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
-         ' % of record '//to_text(r)//', and the residuals are not noise: check the '// &
-         'start values, the units, and the parameters that are free'
+         ' % of record '//to_text(r)//', and the residuals are not noise: '
+      first = sum(qualities(:r - 1)%samples)
+      associate (residual => fit%residual(first + 1:first + qualities(r)%samples))
+         if (all(qualities%kind == 'time') .and. sum(residual)**2 > &
+            most*size(residual)*sum(residual**2)) then
+            text = text//'their mean is not 0, add ''offset'' to free'
+         else
+            text = text//'check the start values, the units, and the parameters that are free'
+         end if
+      end associate
    end subroutine describe_misfit
 
    !> Finds the parameters that all modes determine, but not the modes seen in the records, and

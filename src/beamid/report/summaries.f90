@@ -25,8 +25,8 @@ module beamid_summaries
 
 contains
 
-   !> Returns the summary of a fit: the verdict, warnings, estimates, then a table for each stage
-   !> with a row for each mesh.
+   !> Returns the summary of a fit: warnings of the input, the verdict, warnings of the mesh,
+   !> estimates, then a table for each stage with a row for each mesh.
    !>
    !> fits     (stages, meshes)
    !> notes    remarks on the records
@@ -38,7 +38,7 @@ contains
       character(len=*), intent(in) :: notes(:)
       type(verdict_t), intent(in) :: verdict
       character(len=:), allocatable :: content, line
-      type(text_t) :: text, warnings
+      type(text_t) :: text, causes, warnings
       integer :: k
 
       associate (last => fits(size(fits, 1), size(fits, 2)))
@@ -61,7 +61,7 @@ contains
       end do
       do k = 1, size(notes)
          if (index(notes(k), 'warning: ') == 1) then
-            call warnings%line(notes(k))
+            call causes%line(notes(k))
          else
             call text%line(notes(k))
          end if
@@ -80,8 +80,10 @@ contains
       do k = 1, size(fits, 2)
          call add_mesh_warning(warnings, fits(size(fits, 1), k))
       end do
-      content = verdict_summary(case, fits(size(fits, 1), size(fits, 2)), verdict)// &
-         warnings%content()//text%content()
+      ! A mistake in the input explains what else is found. A rejection names it itself.
+      content = verdict_summary(case, fits(size(fits, 1), size(fits, 2)), verdict)
+      if (verdict%no_fit == '') content = causes%content()//content
+      content = content//warnings%content()//text%content()
    end function fit_summary
 
    !> Adds the estimates with their total intervals, which include every source of error, with as

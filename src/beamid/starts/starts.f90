@@ -279,7 +279,8 @@ contains
       character(len=:), allocatable :: absent
       integer :: k
 
-      absent = 'is not in '//trim(merge('this record  ', 'these records', size(problem%parts) == 1))
+      absent = 'fits no spectral line of '//trim(merge('this record  ', 'these records', &
+         size(problem%parts) == 1))
       text = 'mode '//to_text(needed)//' '
       if (rejected > 0) then
          text = text//'cannot be told from a multiple of mode 1 or of the mains'

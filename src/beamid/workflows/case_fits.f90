@@ -5,19 +5,19 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_damage_regions, only: judge_shape_of_dip
    use beamid_drifts, only: default_windows, drift_t, find_drifts
-   use beamid_errors, only: error_t, locate
+   use beamid_errors, only: error_t, locate, status_failed
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
-   use beamid_input_checks, only: check_input, describe_scale
+   use beamid_input_checks, only: check_input, describe_causes, describe_scale
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_memory, only: return_memory
    use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_range_limits, only: judge_ranges
-   use beamid_records, only: note_length
+   use beamid_records, only: add_note, note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_response_checks, only: check_responses
    use beamid_responses, only: is_exact
@@ -80,6 +80,7 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
       type(mesh_t), allocatable :: meshes(:)
+      character(len=:), allocatable :: causes
 
       ! A copy, because find_fits must not change part of the case that it reads.
       meshes = case%meshes
@@ -88,6 +89,12 @@ contains
       case%meshes = meshes
       if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
          found%expected, found%fits, error)
+      if (allocated(error)) then
+         if (error%status == status_failed) then
+            call describe_causes(case, found%experiments, found%notes, causes)
+            if (causes /= '') error%message = error%message//'; '//causes
+         end if
+      end if
       call locate(error, case%path)
       call check_interrupt(error)
       call return_memory_of(found)
@@ -159,6 +166,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_t) :: asked
+      character(len=:), allocatable :: hint
       integer :: windows
       logical :: again, restarted
 
@@ -179,6 +187,10 @@ contains
       end if
       found%verdict%starts_again = restarted
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (found%verdict%no_fit == '' .and. last%note /= '') then
+            call describe_scale(case, found%experiments, hint)
+            if (hint /= '') call add_note(found%notes, 'warning: '//hint)
+         end if
          if (last%statistics%samples == 0) return
          if (case%windows > 0) then
             deallocate (found%windows)
@@ -198,7 +210,7 @@ contains
       !> Adds the effect of the mesh, the errors of fixed parameters and the verdict to the last
       !> stage.
       subroutine judge_fit()
-         character(len=:), allocatable :: hint
+         character(len=:), allocatable :: causes
 
          call add_mesh_shifts(case, found, error, monitor)
          if (allocated(error)) return
@@ -208,8 +220,8 @@ contains
             call new_verdict(found%experiments, mesh, last, found%verdict, error)
             if (.not. allocated(error)) then
                if (found%verdict%no_fit /= '') then
-                  call describe_scale(case, found%experiments, hint)
-                  if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
+                  call describe_causes(case, found%experiments, found%notes, causes)
+                  if (causes /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//causes
                end if
                if (found%verdict%caution//found%verdict%no_fit /= '') &
                   last%statistics%determined = .false.

@@ -19,7 +19,8 @@ module beamid_input_checks
    implicit none
    private
 
-   public :: check_input, check_units, describe_scale, find_frequencies, leave_out_lead_in
+   public :: check_input, check_units, describe_causes, describe_scale, find_frequencies, &
+      leave_out_lead_in
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
@@ -77,6 +78,8 @@ contains
 
       do r = 1, size(experiments)
          associate (experiment => experiments(r))
+            call check_width(case, experiment, error)
+            if (allocated(error)) return
             call compare_with_model(case, experiment, frequencies, nyquist, line)
             if (.not. allocated(frequencies)) cycle
             modes = size(frequencies)
@@ -105,6 +108,26 @@ contains
 
       text = trim(rounded(frequency, 4)//' '//case%units%frequency())
    end function with_unit
+
+   !> Describes which mistakes in the input may be the cause of a fit that fails: the warnings of the
+   !> records, and a first natural frequency that is far from the record's; '': none is known.
+   subroutine describe_causes(case, experiments, notes, text)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      character(len=*), intent(in) :: notes(:)
+      character(len=:), allocatable, intent(out) :: text
+      character(len=:), allocatable :: scale
+      integer :: k
+
+      text = ''
+      do k = 1, size(notes)
+         if (index(notes(k), 'warning: ') == 1) text = text//'; '// &
+            trim(notes(k)(len('warning: ') + 1:))
+      end do
+      call describe_scale(case, experiments, scale)
+      if (scale /= '') text = text//'; '//scale
+      text = text(min(3, len(text) + 1):)
+   end subroutine describe_causes
 
    !> Describes by how much the strongest spectral line of a free decay is away from the first
    !> natural frequency of the model; '': by no more than ordinary errors explain.
@@ -183,6 +206,33 @@ contains
       end if
    end function cause
 
+   !> Refuses a width that can only be in mm. It does not change the frequencies if nothing is
+   !> attached to the beam, and they change little with small masses.
+   subroutine check_width(case, experiment, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiment
+      type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: structure
+
+      if (.not. has_typical_sizes(case) .or. experiment%excitation%modes == 0) return
+      structure = experiment%structure_of(case%model%structure)
+      associate (width => case%section%width)
+         if (width > 10*structure%length) call bad_input(error, case%path// &
+            ': &beam width: found '//rounded(width, 4)//', which looks like mm: the length is '// &
+            rounded(structure%length, 4)//'; expected '//rounded(width/1000, 4)// &
+            ' in the units of the case')
+      end associate
+   end subroutine check_width
+
+   !> Tells whether the labels of a case are those of the SI. Without labels a value has no typical
+   !> size.
+   pure logical function has_typical_sizes(case)
+      type(case_t), intent(in) :: case
+
+      has_typical_sizes = case%units%length == 'm' .and. case%units%time == 's' .and. &
+         (case%units%mass == 'kg' .or. case%units%force == 'N')
+   end function has_typical_sizes
+
    !> Looks for a value that has a typical size in another unit and makes the first modes of the
    !> model agree with the strongest line of the record.
    !>
@@ -225,8 +275,7 @@ contains
       end associate
    end subroutine check_units
 
-   !> Lists the values that would be typical in another unit. Only cases with labels of the SI are
-   !> examined: without labels a value has no typical size.
+   !> Lists the values that would be typical in another unit.
    subroutine list_suspicions(case, experiment, suspicions)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiment
@@ -236,8 +285,7 @@ contains
       integer :: i
 
       allocate (suspicions(0))
-      if (case%units%length /= 'm' .or. case%units%time /= 's' .or. &
-         (case%units%mass /= 'kg' .and. case%units%force /= 'N')) return
+      if (.not. has_typical_sizes(case)) return
       s = experiment%structure_of(case%model%structure)
       mass = s%rho*s%length
       if (s%E < 2e3_wp) call add(scaled(E=1e9_wp), 'beam', 'E', 'GPa', s%E, 1e9_wp)
@@ -246,6 +294,9 @@ contains
          call add(scaled(length=1e-3_wp), 'beam', 'length', 'mm', s%length, 1e-3_wp)
          call add(scaled(length=1e-3_wp, section=1e-3_wp), 'beam', 'length', 'mm', s%length, &
             1e-3_wp)
+         call add(scaled(length=1e-2_wp), 'beam', 'length', 'cm', s%length, 1e-2_wp)
+         call add(scaled(length=1e-2_wp, section=1e-2_wp), 'beam', 'length', 'cm', s%length, &
+            1e-2_wp)
       end if
       associate (section => case%section)
          if (section%height > 0) then
