@@ -2,6 +2,7 @@
 !>
 !> `beamid_stages` fills it; the judgement, the inferences and the reports read it.
 module beamid_stage_fits
+   use beamid_distributions, only: normal_quantile
    use beamid_field_penalties, only: fields
    use beamid_fit_setups, only: fit_setup_t, set_free
    use beamid_held_errors, only: held_t
@@ -69,6 +70,7 @@ module beamid_stage_fits
       procedure :: restore
       procedure :: from_held
       procedure :: half_width
+      procedure :: is_widened
       procedure :: total
       procedure :: extend
       procedure :: shifts
@@ -138,7 +140,8 @@ contains
    end function from_held
 
    !> Returns the half width of the 95 % interval of quantity k from noise, fixed parameters and
-   !> drift together; `unlimited` if linear theory does not hold for it.
+   !> drift together; `unlimited` if linear theory does not hold for it. Student's factor of few
+   !> records belongs to their scatter alone.
    pure real(wp) function half_width(self, k)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
@@ -151,9 +154,7 @@ contains
       associate (s => self%statistics)
          half_width = unlimited
          if (s%is_withdrawn(k)) return
-         half_width = s%corrected_half_width(k)
-         if (s%corrected_error(k) > 0) half_width = half_width*hypot(1.0_wp, &
-            other/s%corrected_error(k))
+         half_width = hypot(s%corrected_half_width(k), normal_quantile(0.975_wp)*other)
       end associate
    end function half_width
 
@@ -178,6 +179,18 @@ contains
       if (.not. allocated(self%reach) .or. k > size(self%free)) return
       distance = max(distance, half + self%reach(:, k))
    end function total
+
+   !> Tells whether the errors of fixed parameters or a drift make the interval of quantity k wider
+   !> than its value, which noise alone does not.
+   pure logical function is_widened(self, k)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      associate (value => abs(self%quantities(k)%searched))
+         is_widened = self%statistics%corrected_half_width(k) < value .and. &
+            self%half_width(k) >= value
+      end associate
+   end function is_widened
 
    !> Extends the total intervals to another explanation of the records. An estimate that lies
    !> outside its interval there is not determined.

@@ -9,6 +9,7 @@
 !>
 !> which is h/E if E alone was estimated.
 module beamid_field_bands
+   use beamid_distributions, only: normal_quantile
    use beamid_kinds, only: wp
    use beamid_smoothing, only: resolution_length
    use beamid_stage_fits, only: stage_fit_t
@@ -167,12 +168,10 @@ contains
          where (abs(slope) > 0 .and. s%std_error > 0) g = slope*s%corrected_half_width/s%std_error
          half_width = max(0.0_wp, dot_product(g, matmul(s%covariance, g)))
          if (allocated(fit%held)) then
-            g = 0
-            where (abs(slope) > 0 .and. s%corrected_error > 0) g = slope*s%corrected_half_width &
-               /s%corrected_error
             do j = 1, size(fit%held)
-               n = min(size(g), size(fit%held(j)%effect))
-               half_width = half_width + dot_product(g(:n), fit%held(j)%effect(:n))**2
+               n = min(size(slope), size(fit%held(j)%effect))
+               half_width = half_width + (normal_quantile(0.975_wp)*dot_product(slope(:n), &
+                  fit%held(j)%effect(:n)))**2
             end do
          end if
          half_width = sqrt(half_width)

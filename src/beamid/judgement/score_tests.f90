@@ -199,7 +199,7 @@ contains
       type(score_test_t), intent(inout) :: one
       real(wp), dimension(size(fit%quantities)) :: slopes, scales
       real(wp) :: left(size(d)), products(size(d)), change, deviation, length
-      integer :: rank
+      integer :: m, rank
 
       one%value = value
       allocate (one%shift(size(fit%quantities)), source=0.0_wp)
@@ -221,7 +221,11 @@ contains
       ! The variance is computed from the residuals after the step. Before the step, residuals that
       ! the candidate explains would count as noise.
       products = left*(fit%fit%residual + left*change)
-      deviation = sqrt(sum(products**2)*size(products)/effective_samples(products))
+      m = size(fit%residual)
+      ! The variance of the rows of priors and penalties, which follow those of the records, is
+      ! known: a single row could not show it.
+      deviation = sqrt(sum(products(:m)**2)*m/effective_samples(products(:m)) &
+         + fit%statistics%variance*sum(left(m + 1:)**2))
       if (fit%statistics%noise_is_known) deviation = sqrt(length*max(1.0_wp, &
          sum((fit%fit%residual + left*change)**2)/size(left)))
       if (.not. deviation > 0) return

@@ -2,6 +2,7 @@
 !> fixed.
 module beamid_error_sources
    use beamid_distributions, only: normal_quantile
+   use beamid_held_errors, only: held_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
@@ -155,10 +156,7 @@ character(len=:), allocatable :: line
          unit = 1
          if (held%is_assumed) then
             unit = normal_quantile(0.975_wp)
-            line = line//' is fixed at '//to_text(held%value)//' and assumed known to '
-            if (held%factor < 2) line = line//filled('# %', [100*(held%factor - 1)])
-            if (held%factor >= 2) line = line//'a factor of '//to_text(held%factor)
-            line = line//'; this'
+            line = line//' is fixed at '//assumption(held)//'; this'
          end if
          line = line//' moves '
          do k = 1, size(fit%free)
@@ -179,6 +177,34 @@ character(len=:), allocatable :: line
          end do
       end associate
    end function effect_line
+
+   !> Returns the value of a parameter that the program keeps fixed, and its assumed range.
+   function assumption(held) result(text)
+      type(held_t), intent(in) :: held
+      character(len=:), allocatable :: text
+      real(wp) :: width
+      logical :: is_reciprocal
+      integer :: k
+
+      is_reciprocal = .false.
+      do k = 1, size(parameters)
+         if (parameters(k)%name == held%name(:scan(trim(held%name)//'.', '.') - 1)) &
+            is_reciprocal = parameters(k)%is_reciprocal
+      end do
+      if (abs(held%value) > 0) then
+         text = to_text(merge(1/held%value, held%value, is_reciprocal))//' and assumed known to '
+         if (held%factor < 2) text = text//filled('# %', [100*(held%factor - 1)])
+         if (held%factor >= 2) text = text//'a factor of '//to_text(held%factor)
+         return
+      end if
+      ! The range of a parameter that is 0 begins there, and has a width of twice 1.96 sd.
+      width = 2*normal_quantile(0.975_wp)*held%sd
+      if (is_reciprocal) then
+         text = 'inf and assumed to be at least '//to_text(1/width)
+      else
+         text = '0 and assumed to be at most '//to_text(width)
+      end if
+   end function assumption
 
    !> Returns a blank and the label of the unit of a parameter that a prior names; '' without label.
    function unit_of(units, name) result(unit)

@@ -9,6 +9,7 @@ module beamid_summaries
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, unit_suffix
    use beamid_method_groups, only: formula_names
+   use beamid_parameters, only: name_length
    use beamid_responses, only: work_t
    use beamid_splines, only: clamped_root
    use beamid_statistics, only: unlimited
@@ -16,6 +17,7 @@ module beamid_summaries
    use beamid_strings, only: rounded, to_text
    use beamid_structure, only: is_coefficient, of_E
    use beamid_texts, only: left, right, text_t
+   use beamid_values, only: listed
    use beamid_verdict_reports, only: verdict_summary
    use beamid_verdicts, only: verdict_t
    implicit none
@@ -93,6 +95,8 @@ contains
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
+      character(len=name_length) :: names(size(fit%free))
+      logical :: widened(size(fit%free))
       real(wp) :: ends(2)
       integer :: digits, k
 
@@ -117,6 +121,14 @@ contains
                fit%scenario%excitations(1)))
          end associate
       end do
+      do k = 1, size(fit%free)
+         names(k) = fit%quantities(k)%name
+         widened(k) = fit%is_widened(k) .and. .not. is_coefficient(fit%free(k)) .and. &
+            fit%half_width(k) < unlimited
+      end do
+      if (any(widened)) call text%line('not determined: the errors of fixed parameters, or a '// &
+         'drift, make the interval wider than the value: '//listed(pack(names, widened), ', ')// &
+         '. Linear theory may exaggerate it: free the fixed parameters, and run `beamid profile`')
       ! A free decay has no force as a scale, so that E follows the mass.
       if (.not. all(fit%scenario%excitations%modes > 0) .or. &
          any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return

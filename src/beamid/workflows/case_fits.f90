@@ -155,7 +155,7 @@ contains
    !> decay rate than the model, because linear steps cannot tell such an error from a drift. A fit
    !> that is rejected is repeated from the spectral lines of the records, if it has started
    !> elsewhere. If parameters rest on modes that are not seen, the case is fitted again without
-   !> them.
+   !> them. A parameter whose interval is wider than its value is not determined.
    !>
    !> case   on return with the stages that the fit has used
    !> found  as `fit_case` returns it; if the fit is rejected, `verdict%no_fit` says why on return
@@ -167,7 +167,7 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_t) :: asked
       character(len=:), allocatable :: hint
-      integer :: windows
+      integer :: k, windows
       logical :: again, restarted
 
       restarted = .false.
@@ -202,6 +202,9 @@ contains
             windows = default_windows(found%experiments, last, found%verdict%sightings(1)%model)
             if (windows > 0) call find_drifts(found%experiments, windows, last, found%drift)
          end if
+         do k = 1, size(last%free)
+            if (last%is_widened(k)) last%statistics%determined(k) = .false.
+         end do
       end associate
       call check_interrupt(error)
 
