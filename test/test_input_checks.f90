@@ -29,10 +29,12 @@ program test_input_checks
       call test_columns()
       call test_stamps()
       call test_lead_in()
+      call test_causes()
       call test_noise()
       call test_modes_without_elements()
       call test_errors_left_out()
       call test_modes_on_meshes()
+      call test_quiet_sensor()
       call close_shell()
    end if
    call finish('input_checks')
@@ -75,6 +77,10 @@ contains
          '&beam length: found 300, which looks like mm')
       call refused('all lengths in mm', 'length=0.3, width=0.025, height=0.001', &
          'length=300, width=25, height=1', '&beam length: found 300, which looks like mm')
+      call refused('all lengths in cm', 'length=0.3, width=0.025, height=0.001', &
+         'length=30, width=2.5, height=0.1', '&beam length: found 30, which looks like cm')
+      call refused('width in mm', 'width=0.025', 'width=25', &
+         '&beam width: found 25, which looks like mm')
       call refused('section in mm', 'width=0.025, height=0.001', 'width=25, height=1', &
          '&beam height: found 1, which looks like mm')
       call refused('height in mm', 'height=0.001', 'height=1', &
@@ -173,12 +179,69 @@ contains
       call check('a lead-in: fitted', outcome%status == 0, outcome%err)
       call check('a lead-in: left out, and said', index(outcome%out, 'the motion begins at 2') > 0 &
          .and. index(outcome%out, 'left out') > 0, outcome%out(:min(300, len(outcome%out))))
+      call write_file('case.nml', replaced(ruler, 'record.csv''', 'record.csv'', t_first=1.9'))
+      outcome = beamid('identify case.nml --quiet --out quiet')
+      call check('a lead-in in the window: a warning', outcome%status == 0 .and. &
+         index(outcome%out, 'warning: the motion begins at 2') == 1, &
+         outcome%out(:min(300, len(outcome%out))))
+      ! A window that is half empty: the fit is rejected.
       call write_file('case.nml', replaced(ruler, 'record.csv''', 'record.csv'', t_first=0.5'))
       outcome = beamid('identify case.nml --quiet --out quiet')
-      call check('a lead-in in the window: a warning', &
-         index(outcome%out, 'warning: the motion begins at 2') > 0, &
-         outcome%out(:min(300, len(outcome%out))))
+      call check('a long lead-in in the window: rejected, and why', outcome%status == 1 .and. &
+         index(outcome%err, 'the motion begins at 2') > 0, outcome%err)
+      call write_record(0.002_wp, 0)
    end subroutine test_lead_in
+
+   !> Causes that a failed fit names: half the time step, for which the search ends outside of its
+   !> ranges, and an offset that is most of the record.
+   subroutine test_causes()
+      type(outcome_t) :: outcome
+
+      call write_record(0.001_wp, 0)
+      call failed('half the time step', ruler, 'check rate or the time stamps')
+      call write_record(0.002_wp, 0)
+      ! 40 m/s^2 are twice the amplitude of the record.
+      call write_file('case.nml', replaced(replaced(ruler, ',''offset''', ''), 'record.csv''', &
+         'record.csv'', offset=-40'))
+      outcome = beamid('identify case.nml --quiet --out failed')
+      call check('an offset of 40: named', outcome%status == 1 .and. &
+         index(outcome%err, 'add ''offset'' to free') > 0, outcome%err)
+   end subroutine test_causes
+
+   !> A fit that fails: exit status 1, and one line that names the cause.
+   subroutine failed(what, case, expected)
+      character(len=*), intent(in) :: what, case, expected
+      type(outcome_t) :: outcome
+
+      call write_file('case.nml', case)
+      outcome = beamid('identify case.nml --quiet --out failed')
+      call check(what//': named', outcome%status == 1 .and. index(outcome%err, expected) > 0 .and. &
+         index(outcome%err, nl) == len(outcome%err), outcome%err)
+   end subroutine failed
+
+   !> A record with so little noise that it shows the error of the mesh. A finer mesh removes
+   !> what is left, so that no parameter is missing.
+   subroutine test_quiet_sensor()
+      character(len=*), parameter :: beam = &
+         '&beam length=0.523, width=0.035, height=0.0018, density=7850, E=1.984e11, '// &
+         'c_D=4.85e6, gamma=0.0435 /'//nl//'&sensor m_S=0.0089, x_S=0.462 /'//nl, &
+         fine = '&discretization degree=5, elements=24 /'//nl
+      type(outcome_t) :: outcome
+
+      call write_file('quiet.nml', beam//fine// &
+         '&excitation kind=''release'', displacement=0.02 /'//nl// &
+         '&record t_first=0.3, t_last=11, t_step=0.002 /'//nl//'&noise sd=0.005, seed=3 /'//nl)
+      outcome = beamid('simulate quiet.nml --quiet --out quiet')
+      call check('a quiet sensor: simulated', outcome%status == 0, outcome%err)
+      call write_file('case.nml', beam//'&excitation kind=''free'', modes=3 /'//nl// &
+         '&record file=''quiet/record.csv'', value_column=''acceleration'' /'//nl// &
+         '&stage free=''E'',''m_S'',''c_D'',''gamma'' /'//nl//'&discretization elements=8 /'//nl)
+      outcome = beamid('identify case.nml --quiet --out fitted')
+      call check('a quiet sensor: the mesh is named, and no parameter', outcome%status == 0 .and. &
+         index(outcome%out, 'warning: mesh: ') > 0 .and. &
+         index(outcome%out, 'which the model leaves out') == 0, &
+         outcome%err//outcome%out(:min(900, len(outcome%out))))
+   end subroutine test_quiet_sensor
 
    !> A record of white noise, as that of a wrong column: refused, and the likely cause is named. Of
    !> 1,000 such records, one may show a peak; the seed is one of the 999.

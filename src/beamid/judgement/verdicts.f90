@@ -127,6 +127,7 @@ contains
       if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
          to_text(nint(verdict%misfit))//' times the noise of the record'
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
+      if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
@@ -329,25 +330,36 @@ contains
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable, intent(out) :: text
-      !> Share of the squared residuals above which their mean is the main cause.
-      real(wp), parameter :: most = 0.5_wp
-      integer :: first, r
+      integer :: r
 
       text = ''
       r = minloc(qualities%fit_percent, dim=1)
       if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
       text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
-         ' % of record '//to_text(r)//', and the residuals are not noise: '
-      first = sum(qualities(:r - 1)%samples)
-      associate (residual => fit%residual(first + 1:first + qualities(r)%samples))
-         if (all(qualities%kind == 'time') .and. sum(residual)**2 > &
-            most*size(residual)*sum(residual**2)) then
-            text = text//'their mean is not 0, add ''offset'' to free'
-         else
-            text = text//'check the start values, the units, and the parameters that are free'
-         end if
-      end associate
+         ' % of record '//to_text(r)//', and the residuals are not noise: check the '// &
+         'start values, the units, and the parameters that are free'
    end subroutine describe_misfit
+
+   !> Adds to a rejection that the residuals of a time record are mainly a constant.
+   subroutine add_mean(experiments, fit, text)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable, intent(inout) :: text
+      real(wp), parameter :: most = 0.5_wp   ! of the squares
+      integer :: first, last, r
+
+      last = 0
+      do r = 1, size(experiments)
+         first = last + 1
+         last = last + size(experiments(r)%measured)
+         if (size(experiments(r)%samples) == 0) cycle
+         associate (residual => fit%residual(first:last))
+            if (sum(residual)**2 <= most*size(residual)*sum(residual**2)) cycle
+         end associate
+         text = text//'; the mean of the residuals is not 0: add ''offset'' to free'
+         return
+      end do
+   end subroutine add_mean
 
    !> Finds the parameters that all modes determine, but not the modes seen in the records, and
    !> rejects the fit because of them.

@@ -78,12 +78,11 @@ contains
 
       do r = 1, size(experiments)
          associate (experiment => experiments(r))
-            call check_width(case, experiment, error)
-            if (allocated(error)) return
             call compare_with_model(case, experiment, frequencies, nyquist, line)
             if (.not. allocated(frequencies)) cycle
             modes = size(frequencies)
             if (line > 0) call check_units(case, experiment, modes, frequencies, line, error)
+            if (.not. allocated(error)) call check_width(case, experiment, error)
             if (allocated(error)) return
             if (frequencies(1) > nyquist) then
                call bad_input(error, case%path//': record '//to_text(r)// &
