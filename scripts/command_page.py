@@ -290,12 +290,14 @@ def experiments(outputs):
         points.append("The experiment of the case does not determine every parameter.")
     if summary:
         points += [line for line in fit_page.unwrapped(summary.text)
-                   if line.startswith("a standard error of")]
+                   if line.startswith(("a standard error of", "these predictions"))]
         at_end = re.findall(r"(?m)^design (\d+) is at the end of (.+): beyond", summary.text)
         ends = ", ".join(dict.fromkeys(name for _, what in at_end for name in what.split(", ")))
         points += [(f"The best experiments lie at the end of the list of {ends}: a better "
                     "experiment may lie beyond it.")] * bool(at_end)
-    kind = "bad" if not determined else "" if present["determined"] != "yes" else "good"
+    is_whole = not any(point.startswith("these predictions") for point in points)
+    kind = ("bad" if not determined else
+            "good" if is_whole and present["determined"] == "yes" else "")
     settings = [name for name in known_settings if len({row[name] for row in rows}) > 1]
     constant = [name for name in known_settings if name not in settings and present[name]]
     cells = [[("the case" if row is present else row["design"]),

@@ -10,7 +10,11 @@ import plot_damping
 
 def verdict(outputs):
     """Returns the box with what the program concludes: the first block of its summary."""
-    block = outputs.summary("compare").blocks[0]
+    summary = outputs.summary("compare")
+    if summary is None:
+        return h.box("warn", "summary.txt is from another command: run compare --damping again, "
+                     "with a folder of its own, for what it concludes", [])
+    block = summary.blocks[0]
     headline, *points = re.sub(r"\n {4,}", " ", block.strip()).splitlines()
     is_open = any(point.startswith(("The data do not", "warning")) for point in points)
     return h.box("warn" if is_open else "good", headline + ".",

@@ -83,6 +83,7 @@ PAGES = {
     "bootstrap": [["bootstrap", DATA / "table_4_1_noisy.nml"]],
     "compare": [["compare", *(DATA / f"rpl_table_4_{k}.nml" for k in (3, 4, 6))]],
     "damping": [["compare", "--damping", "modes_fit.nml"]],
+    "damping-fit": [["compare", "--damping", "modes_fit.nml"], ["identify", "modes_fit.nml"]],
     "design": [["design", DATA / "design_table_4_1.nml"]],
     "ensemble": [["ensemble", "ensemble.nml"]],
     "fleet": [["ensemble", "fleet.nml"]],

@@ -314,7 +314,7 @@ contains
       integer, intent(in) :: k
       type(text_t), intent(inout) :: text
       real(wp), parameter :: shows = 0.25_wp
-      character(len=:), allocatable :: name, why
+      character(len=:), allocatable :: line, name, why
       real(wp) :: half, t
       integer :: linear, profile, posterior, bca
 
@@ -337,8 +337,14 @@ contains
                   'linear theory ignores bounds')
             else if (differ(p, l)) then
                t = (p%upper - p%estimate)/(p%estimate - p%lower)
-               call text%line(name//': J is not a parabola: the profile interval reaches '// &
-                  rounded(t, 2)//' times as far up as down; use it instead of linear theory')
+               line = name//': J is not a parabola: the profile interval '
+               if (t > 1.1_wp .or. t < 1/1.1_wp) then
+                  line = line//'reaches '//rounded(t, 2)//' times as far up as down'
+               else
+                  line = line//'is '//rounded((p%upper - p%lower)/(l%upper - l%lower), 2)// &
+                     ' times as wide'
+               end if
+               call text%line(line//'; use it instead of linear theory')
             end if
          end associate
       end if
