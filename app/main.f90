@@ -95,22 +95,31 @@ contains
                call bad_input(error, '--out: found an empty name, expected a folder')
             end if
          case default
-            if (index(word, '-') == 1) then
-               call bad_input(error, 'found '//word//', expected --out DIR, --quiet or --time')
-            else if (.not. allocated(settings%command)) then
-               settings%command = word
-            else if (.not. allocated(settings%subject) .or. any(settings%command == &
-               [character(len=7) :: 'compare', 'help', 'new'])) then
-               if (.not. allocated(settings%subject)) settings%subject = word
-               call append_string(settings%subjects, word)
-            else
-               call bad_input(error, 'found '//word//' behind '//settings%subject// &
-                  ', expected nothing more')
-            end if
+            call take_word(word, settings, error)
          end select
       end do
       if (.not. allocated(error)) call check_command(settings, error)
    end subroutine parse
+
+   !> Takes a word that is no option: the command, or what the command is about.
+   subroutine take_word(word, settings, error)
+      character(len=*), intent(in) :: word
+      type(settings_t), intent(inout) :: settings
+      type(error_t), allocatable, intent(out) :: error
+
+      if (index(word, '-') == 1) then
+         call bad_input(error, 'found '//word//', expected --out DIR, --quiet or --time')
+      else if (.not. allocated(settings%command)) then
+         settings%command = word
+      else if (.not. allocated(settings%subject) .or. any(settings%command == &
+         [character(len=7) :: 'compare', 'help', 'new'])) then
+         if (.not. allocated(settings%subject)) settings%subject = word
+         call append_string(settings%subjects, word)
+      else
+         call bad_input(error, 'found '//word//' behind '//settings%subject// &
+            ', expected nothing more')
+      end if
+   end subroutine take_word
 
    !> Checks that the command is known and has the words behind it that it needs.
    subroutine check_command(settings, error)

@@ -72,23 +72,51 @@ options_of() {
       profile_options=(--flag '-O2 -Wimplicit-interface -fPIC -fmax-errors=1 -fcoarray=single')
 }
 
+# Runs `fpm build` with the options, and keeps what it prints in the file `log`.
+run_fpm_build() {
+   (cd "$checkout" && "$fpm" build "${profile_options[@]}" "$@" </dev/null 2>&1) | tee "$log" |
+      show_progress "$profile"
+}
+
+# What gfortran says of a module file that is missing, or older than the source of its module.
+stale_module="Mismatch in components of derived type|Cannot open module file|not found in module"
+
+# Deletes the objects and module files of the project, not those of its dependencies, in the folder in
+# which fpm compiled last.
+forget_objects() {
+   local newest folder source name
+   newest=$(ls -t "$checkout"/build/gfortran_*/*/*.o.log "$checkout"/build/gfortran_*/*/.*.o.log \
+      2>/dev/null | head -n 1) || true
+   folder=${newest%/*}
+   [[ -n $folder ]] || return 0
+   for source in "${sources[@]}"; do
+      rm -f "$folder/${source//\//_}"_*
+   done
+   (cd "$checkout" && find "${sources[@]}" -name '*.f90' -exec \
+      sed -nE 's/^ *module +([a-zA-Z]\w*) *$/\L\1/p' {} +) |
+      while IFS= read -r name; do rm -f "${folder%/*}/$name.mod"; done
+}
+
 # build PROFILE [FLAG...]: compiles the sources that are out of date and shows the progress. fpm's own
-# output appears only if the build fails.
+# output appears only if the build fails. fpm 0.12 may compile a source with the old module file of a
+# module that has changed; such a build is repeated once from the beginning.
 build() {
-   local profile=$1 log profile_options
+   local profile=$1 log profile_options done=true
    shift
    options_of "$profile"
    log=$(mktemp)
    forget_moved_sources
    resolve_dependencies || return 1
-   if (cd "$checkout" && "$fpm" build "${profile_options[@]}" "$@" </dev/null 2>&1) | tee "$log" |
-      show_progress "$profile"; then
-      rm "$log"
-      return
+   run_fpm_build "$@" || done=false
+   if ! $done && grep -Eq "$stale_module" "$log"; then
+      echo "fpm used module files that are out of date: all sources are compiled again" >&2
+      forget_objects
+      done=true
+      run_fpm_build "$@" || done=false
    fi
-   cat "$log" >&2
+   $done || cat "$log" >&2
    rm "$log"
-   return 1
+   $done
 }
 
 # paths PROFILE run|test [OPTION...]: path of the program, or of all tests; the runner `echo` prints it.

@@ -6,7 +6,8 @@ program test_attachment_motions
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_parameters, only: free_names, is_there
+   use beamid_parameter_names, only: is_there
+   use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_R, of_gamma, of_J_T, of_kappa_R, of_length, of_m_S, of_x_S, &
       structure_t

@@ -10,7 +10,8 @@ program test_attachments
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
    use beamid_observation, only: observation_t, new_sampling
-   use beamid_parameters, only: free_names, is_there, parameters
+   use beamid_parameter_names, only: is_there
+   use beamid_parameters, only: free_names, parameters
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, end_t, free_end, of_a_h, of_b, of_b_h, of_c_R, of_d, of_E, &

@@ -10,7 +10,8 @@ program test_benches
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
-   use beamid_parameters, only: is_there, name_of_parameter, parameters
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text

@@ -10,8 +10,8 @@ program test_fits
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
-   use beamid_statistics, only: undetermined
    use beamid_strings, only: to_text
+   use beamid_undetermined_directions, only: undetermined
    use checks, only: check, check_close, finish, in_long_run
    implicit none
 

@@ -8,7 +8,8 @@ program test_frequency_responses
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_observed_data, only: meshed_model_t
-   use beamid_parameters, only: is_there, name_of_parameter, parameters
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_responses, only: work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, no_spring, of_g, of_length, structure_t

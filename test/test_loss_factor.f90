@@ -9,7 +9,8 @@ program test_loss_factor
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_observed_data, only: meshed_model_t
-   use beamid_parameters, only: is_there, name_of_parameter, parameters
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_responses, only: work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text

@@ -14,8 +14,8 @@ program test_release
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
    use beamid_observed_data, only: seen_modes_t
-   use beamid_parameters, only: amplitude, free_index, free_names, get_free, &
-      is_there, set_free
+   use beamid_parameter_names, only: is_there
+   use beamid_parameters, only: amplitude, free_index, free_names, get_free, set_free
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: hose_t, end_t, free_end, at_tip, of_length, of_x_S, sensor_t, &

@@ -6,8 +6,9 @@ program test_statistics
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_noise, only: gaussian_noise
-   use beamid_statistics, only: new_statistics, statistics_t, undetermined
+   use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
+   use beamid_undetermined_directions, only: undetermined
    use beamid_variables, only: new_variable, unbounded
    use checks, only: check, check_close, finish
    use regressions, only: boxbod, mgh09, misra1a, regression_t

@@ -6,8 +6,8 @@ program test_structure
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_internal_forces, only: strain_energy
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_index, magnitude, name_length, name_of_parameter, parameters, &
-      place_of_name
+   use beamid_parameter_names, only: name_length, name_of_parameter, place_of_name
+   use beamid_parameters, only: free_index, magnitude, parameters
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
    use beamid_structure, only: hose_t, of_c_R, of_kappa_R, of_x_S, structure_t

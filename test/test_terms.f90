@@ -54,8 +54,9 @@ program test_terms
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_parameters, only: amplitude, any_value, is_there, key_of, &
-      magnitude, name_of_parameter, not_negative, on_beam, parameters, positive
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: amplitude, any_value, key_of, magnitude, not_negative, on_beam, &
+      parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text

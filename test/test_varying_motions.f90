@@ -8,7 +8,7 @@ program test_varying_motions
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t
-   use beamid_parameters, only: name_of_parameter
+   use beamid_parameter_names, only: name_of_parameter
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: c_D_at, E_at, of_c_D, of_c_H, of_d_D, of_E, of_g, of_gamma, &

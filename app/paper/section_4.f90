@@ -10,9 +10,9 @@ module beamid_section_4
    use beamid_section_4_results, only: basis, compute_section_4, entry_t, first_bending, &
       model_names, results_t, table_4_2, table_4_3, table_4_4, table_4_5, table_4_6
    use beamid_section_4_valley, only: add_search, explore_valley
-   use beamid_statistics, only: undetermined
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
+   use beamid_undetermined_directions, only: undetermined
    implicit none
    private
 

@@ -5,7 +5,8 @@ module static_checks
    use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: is_there, name_of_parameter, parameters
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, n_parameters, no_spring, structure_t
    use checks, only: check, check_close

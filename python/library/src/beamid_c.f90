@@ -34,7 +34,8 @@ module beamid_c
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_outputs, only: output_t
-   use beamid_parameters, only: name_length, name_of_parameter, parameters
+   use beamid_parameter_names, only: name_length, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_strings, only: to_text
    implicit none
    private

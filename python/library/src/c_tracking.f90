@@ -9,7 +9,7 @@ module beamid_c_tracking
    use beamid_kinds, only: wp
    use beamid_series, only: check_samples
    use beamid_strings, only: to_text
-   use beamid_tracker, only: track_flags
+   use beamid_tracked_windows, only: track_flags
    use beamid_tracking, only: prepare_tracking, take_samples, tracked_t, tracker_t
    implicit none
    private

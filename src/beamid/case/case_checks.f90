@@ -3,13 +3,14 @@
 module beamid_case_checks
    use beamid_boxes, only: box_t
    use beamid_case_files, only: case_t
-   use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
+   use beamid_mesh_unknowns, only: unknowns_of
    use beamid_numbers, only: shown
-   use beamid_parameters, only: amplitude, name_of_parameter, parameters
+   use beamid_parameter_names, only: name_of_parameter
+   use beamid_parameters, only: amplitude, parameters
    use beamid_records, only: any_in_time, are_in_time, window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact

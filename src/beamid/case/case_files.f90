@@ -28,7 +28,7 @@ module beamid_case_files
    use beamid_sampling, only: plan_t
    use beamid_stage_groups, only: read_stage
    use beamid_strings, only: string_t
-   use beamid_tracker, only: track_plan_t
+   use beamid_tracked_windows, only: track_plan_t
    use beamid_units, only: units_t
    implicit none
    private

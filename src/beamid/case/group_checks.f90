@@ -4,9 +4,9 @@ module beamid_group_checks
    use beamid_along_groups, only: reference_of, settle_along
    use beamid_blocks, only: block_t
    use beamid_case_files, only: case_t
-   use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
+   use beamid_mesh_unknowns, only: unknowns_of
    use beamid_numbers, only: shown
    use beamid_parameters, only: free_index, key_of, parameters
    use beamid_stage_groups, only: narrowest_dip

@@ -9,14 +9,14 @@ module beamid_plan_groups
    use beamid_kinds, only: wp
    use beamid_model_groups, only: section_t
    use beamid_numbers, only: shown
-   use beamid_parameters, only: as_named, is_there, name_of_parameter, offset, parameters, &
-      place_of_name, set_free
+   use beamid_parameter_names, only: is_there, name_of_parameter, place_of_name
+   use beamid_parameters, only: as_named, offset, parameters, set_free
    use beamid_priors, only: prior_t
    use beamid_stage_groups, only: check_free
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: of_I, of_rho, structure_t
    use beamid_structure_checks, only: check_structure
-   use beamid_tracker, only: track_plan_t
+   use beamid_tracked_windows, only: track_plan_t
    use beamid_values, only: listed, positive, range_t
    implicit none
    private
@@ -283,8 +283,7 @@ contains
          most, range=positive)
       call block%get('t_first', box%first, 't_first of the record', 'times of the first sample', &
          most)
-      call block%get('t_last', box%last, 't_last of the record', 'times of the last sample', &
-         most)
+      call block%get('t_last', box%last, 't_last of the record', 'times of the last sample', most)
       call block%get('t_step', box%step, 't_step of the record', 'time steps of the samples', &
          most, range=positive)
       call block%get('f_first', first, 'f_first of the record', 'lowest frequencies of a '// &
@@ -319,12 +318,22 @@ contains
       if (block%failed()) return
       if (allocated(noise)) box%noise_sd = noise
       if (allocated(wanted)) box%target = wanted
-      associate (length => structure%length)
-         if (word_S == 'auto') box%x_S = length*[(k, k=1, places)]/places
-         if (word_F == 'auto') box%x_F = length*[(k, k=1, places)]/places
-         call check_list(block, 'x_S', box%x_S, length)
-         call check_list(block, 'x_F', box%x_F, length)
-      end associate
+      if (word_S == 'auto') box%x_S = structure%length*[(k, k=1, places)]/places
+      if (word_F == 'auto') box%x_F = structure%length*[(k, k=1, places)]/places
+      call check_box(block, structure, excitations, names, box)
+   end subroutine read_design
+
+   !> Refuses settings of candidates that are impossible with the structure and the excitations, and
+   !> finds the parameters of interest by their names. Arguments as of `read_design`.
+   subroutine check_box(block, structure, excitations, names, box)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      character(len=:), allocatable, intent(in) :: names(:)
+      type(box_t), intent(inout) :: box
+
+      call check_list(block, 'x_S', box%x_S, structure%length)
+      call check_list(block, 'x_F', box%x_F, structure%length)
       call check_list(block, 'duration', box%duration)
       call check_list(block, merge('f_first', 't_first', box%of_lines), box%first)
       call check_list(block, merge('f_last', 't_last', box%of_lines), box%last)
@@ -340,7 +349,7 @@ contains
             to_text(size(box%x_S))//' places', 'two or more places x_S')
       end if
       if (allocated(names)) call find_parameters(block, names, structure, box%interest)
-   end subroutine read_design
+   end subroutine check_box
 
    !> Refuses a list that contains a value twice or, if `length` is present, a place beyond the tip.
    subroutine check_list(block, key, values, length)

@@ -6,8 +6,10 @@ module beamid_stage_groups
    use beamid_identification, only: stage_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: amplitude, belongs_to_hose, group_of, is_there, may_be_negative, &
-      name_length, name_of_parameter, offset, parameters, place_of_name, share
+   use beamid_parameter_names, only: group_of, is_there, name_length, name_of_parameter, &
+      place_of_name
+   use beamid_parameters, only: amplitude, belongs_to_hose, may_be_negative, offset, parameters, &
+      share
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: most_coefficients, n_parameters, no_spring, of_w_D, of_x_F, &

@@ -246,26 +246,8 @@ contains
       integer(c_int) :: flag
       integer :: l
 
-      if (equations%constraints%too_many) then
-         call failure(error, 'the rigid supports are so close together that the mesh '// &
-            'allows no motion between them, expected more elements')
-         return
-      end if
-      call check_axial_load(equations%structure, error)
-      if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
-         error)
-      if (.not. allocated(error)) call check_local(equations%structure, error)
+      call check_equations(equations, excitation, error)
       if (allocated(error)) return
-      if (equations%buckles()) then
-         call failure(error, 'CVODE: '//buckled)
-         return
-      end if
-      if (excitation%is_base .and. equations%constraints%number() > 0 .and. &
-         size(equations%rate) > 0) then
-         call failure(error, 'd_1: found time hysteresis beside a rigid support and a base '// &
-            'that moves with cvode, expected modal')
-         return
-      end if
       call new_motion(equations, session%motion, error)
       if (allocated(error)) return
       atol = self%atol
@@ -309,6 +291,33 @@ contains
       end subroutine then_check
 
    end subroutine open_session
+
+   !> Refuses equations that cannot be integrated, or that need another method.
+   subroutine check_equations(equations, excitation, error)
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      type(error_t), allocatable, intent(out) :: error
+
+      if (equations%constraints%too_many) then
+         call failure(error, 'the rigid supports are so close together that the mesh '// &
+            'allows no motion between them, expected more elements')
+         return
+      end if
+      call check_axial_load(equations%structure, error)
+      if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
+         error)
+      if (.not. allocated(error)) call check_local(equations%structure, error)
+      if (allocated(error)) return
+      if (equations%buckles()) then
+         call failure(error, 'CVODE: '//buckled)
+         return
+      end if
+      if (excitation%is_base .and. equations%constraints%number() > 0 .and. &
+         size(equations%rate) > 0) then
+         call failure(error, 'd_1: found time hysteresis beside a rigid support and a base '// &
+            'that moves with cvode, expected modal')
+      end if
+   end subroutine check_equations
 
    !> Frees all handles that `open_session` has created.
    subroutine close_session(session)

@@ -8,19 +8,19 @@ module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: alone, galerkin_t, mesh_t, slope_band, with_air, with_mass
+   use beamid_galerkin, only: alone, galerkin_t, slope_band, with_air, with_mass
    use beamid_kinds, only: wp
+   use beamid_mesh_unknowns, only: order_unknowns, points_of
    use beamid_static_shapes, only: find_static_shape
    use beamid_structure, only: structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_spring, &
-      hose_value, load_shape, of_compliance, of_damping, of_load, of_mass, &
-      of_relaxation, of_stiffness, &
-      operators, operators_of, place_on_mesh, end_condition, sensor_slope, sensor_value, &
-      strengths, stretch, tilting, tip_value, weight
+   use beamid_terms, only: bending, end_condition, force_value, hose, inertia, is_axial_force, &
+      is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, of_relaxation, &
+      of_stiffness, operators, place_on_mesh, sensor_slope, sensor_value, strengths, stretch, &
+      tilting, tip_value, weight
    implicit none
    private
 
-   public :: equations_t, new_equations, unknowns_of
+   public :: equations_t, new_equations
 
    !> The equations of one structure. Sizes: n unknowns; `operators` and `matrices` as in
    !> `beamid_terms`. If supports are rigid, all vectors and matrices are those after the
@@ -101,14 +101,15 @@ contains
          if (.not. matrices) return
       end if
       self%strength = strengths(structure, galerkin%space%length)
-      call order_unknowns(self)
+      call order_unknowns(galerkin%space, structure, self%spline, self%hose)
       self%factor = galerkin%known
       if (structure%has_fields()) then
          do k = 1, size(self%factor, 1)
             self%factor(k, :) = self%factor(k, :)*structure%factors(galerkin%bent%xi(k))
          end do
       end if
-      call find_points(self, n)
+      self%point = points_of(galerkin%space, structure, self%spline, self%hose, n, &
+         size(self%strength, 1))
       ! The B-splines add up to degree!. The unknown of the hose is its displacement.
       allocate (self%unit(n), source=1.0_wp)
       self%unit(self%spline) = gamma(galerkin%mesh%degree + 1.0_wp)
@@ -142,61 +143,6 @@ contains
       if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
          + structure%rho*structure%length)
    end function new_equations
-
-   !> Returns the number of unknowns on a mesh, after the elimination of rigid supports.
-   pure integer function unknowns_of(mesh, structure)
-      type(mesh_t), intent(in) :: mesh
-      type(structure_t), intent(in) :: structure
-
-      unknowns_of = mesh%elements + mesh%degree - count(structure%essential()) &
-         + count(structure%has_hose()) - structure%rigid_supports()
-   end function unknowns_of
-
-   !> Orders the unknowns: the splines from root to tip, and each hose next to the last spline that
-   !> does not vanish at its position.
-   subroutine order_unknowns(self)
-      type(equations_t), intent(inout) :: self
-      logical, allocatable :: has_mass(:)
-      integer, allocatable :: last(:)
-      integer :: h, i, j
-
-      associate (space => self%galerkin%space)
-         has_mass = self%structure%has_hose()
-         last = [(findloc(abs(space%at(place_on_mesh(hose_value(h), self%structure, &
-            space%length), 0)) > 0, .true., dim=1, back=.true.), h=1, size(has_mass))]
-         self%spline = [(i + count(has_mass .and. last < i), i=1, space%n)]
-         self%hose = 0*last
-         do h = 1, size(last)
-            ! Hoses at the same spline keep their order.
-            j = count(has_mass .and. (last < last(h) .or. last == last(h) .and. &
-               [(i, i=1, size(last))] <= h))
-            if (has_mass(h)) self%hose(h) = last(h) + j
-         end do
-      end associate
-   end subroutine order_unknowns
-
-   !> Sets the row vectors of the operators at points.
-   !>
-   !> n  number of unknowns before the elimination
-   subroutine find_points(self, n)
-      type(equations_t), intent(inout) :: self
-      integer, intent(in) :: n
-      integer :: h, k
-
-      associate (space => self%galerkin%space)
-         allocate (self%point(n, size(self%strength, 1)), source=0.0_wp)
-         do k = 1, size(self%point, 2)
-            if (operators(k)%derivative < 0) cycle
-            self%point(self%spline, k) = space%at(place_on_mesh(k, self%structure, &
-               space%length), operators(k)%derivative)
-         end do
-      end associate
-      do h = 1, size(self%hose)
-         if (self%hose(h) == 0) cycle
-         self%point(self%hose(h), hose(h)) = 1
-         self%point(:, stretch(h)) = self%point(:, hose(h)) - self%point(:, hose_value(h))
-      end do
-   end subroutine find_points
 
    !> Returns the half-bandwidth of the matrices.
    pure integer function half_bandwidth(self) result(width)

@@ -117,19 +117,8 @@ contains
          call set_accelerations(assembly, poles)
          return
       end if
-      if (any(near)) then
-         call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
-            poles%cluster)
-      else
-         poles%cluster = [cluster_t ::]
-      end if
-      if (assembly%load%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
-         call failure(error, 'modal: found a hose or a beam that is not held by the '// &
-            'moving base, expected k_H > 0, or &end and supports that hold the beam')
-         return
-      end if
-      if (assembly%load%feels_base .or. assembly%zeros > 0) &
-         poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
+      call gather_clusters(assembly, near, alone, poles, error)
+      if (allocated(error)) return
       do k = 1, size(poles%s)
          if (.not. near(k)) cycle
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
@@ -145,6 +134,30 @@ contains
       end do
       call check_sum_rules(assembly, poles, error)
    end subroutine find_residues
+
+   !> Finds the clusters of all roots that are close together, and that of the roots 0.
+   !>
+   !> near   (roots) whether another root is close
+   !> alone  (roots) whether such a root may still be isolated
+   !> poles  out: `cluster`
+   !> error  the moving base leaves a motion free
+   subroutine gather_clusters(assembly, near, alone, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      logical, intent(in) :: near(:), alone(:)
+      type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
+
+      poles%cluster = [cluster_t ::]
+      if (any(near)) call find_clusters(assembly, poles%all, pack(poles%root, near), &
+         pack(alone, near), poles%cluster)
+      if (assembly%load%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
+         call failure(error, 'modal: found a hose or a beam that is not held by the '// &
+            'moving base, expected k_H > 0, or &end and supports that hold the beam')
+         return
+      end if
+      if (assembly%load%feels_base .or. assembly%zeros > 0) &
+         poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
+   end subroutine gather_clusters
 
    !> Returns whether a root is the slow root of an overdamped mode and equals -E/c_D to round-off.
    !> The residue of such a root is 1e-10 of the residue that the mode has without damping.

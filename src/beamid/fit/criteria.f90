@@ -1,12 +1,13 @@
 !> Computes criteria for the comparison of models that were fitted to the same record: information
-!> criteria, and the test of a model that is a special case of another.
+!> criteria, the misfit of several records, and the test of a model that is a special case of
+!> another.
 module beamid_criteria
    use beamid_distributions, only: chi_square_tail
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: aicc, bic, nested_test
+   public :: aicc, bic, misfit_of_records, nested_test
 
 contains
 
@@ -84,5 +85,28 @@ contains
       if (.not. is_true(is_known)) U = samples*U/J_full
       probability = chi_square_tail(U, real(restrictions, wp))
    end subroutine nested_test
+
+   !> Returns the quantity that replaces J if the noise levels of several records are estimated from
+   !> the fit itself, so that the weighted J carries no information: m times the weighted geometric
+   !> mean of the residual variances of the records, m being the number of all samples.
+   !>
+   !> residual  (m) without weights
+   !> samples   (records) number of samples of each record, in order
+   pure real(wp) function misfit_of_records(residual, samples) result(J)
+      real(wp), intent(in) :: residual(:)
+      integer, intent(in) :: samples(:)
+      real(wp) :: likelihood
+      integer :: k, row
+
+      likelihood = 0
+      row = 0
+      do k = 1, size(samples)
+         associate (m => samples(k))
+            likelihood = likelihood + m*log(max(tiny(J), sum(residual(row + 1:row + m)**2)/m))
+            row = row + m
+         end associate
+      end do
+      J = row*exp(likelihood/row)
+   end function misfit_of_records
 
 end module beamid_criteria

@@ -112,13 +112,7 @@ contains
          if (allocated(error)) return
          if (objection == '') exit
       end do
-      result%J = sum(residual**2)
-      result%iterations = search%iterations
-      result%evaluations = search%evaluations
-      result%shortened = search%shortened
-      result%reason = trim(reasons(info))
-      call name_variables_at_bounds(search, result%reason)
-      if (allocated(note)) result%reason = result%reason//note
+      call describe_end()
       if (info == 0 .or. (info == 5 .and. .not. options%rough) .or. objection /= '') then
          ! Some callers use the estimate although it is no minimum.
          call find_all_rows()
@@ -241,6 +235,17 @@ contains
          end do
          if (.not. associated(search%smooth)) call polish()
       end subroutine minimise_with_bounds
+
+      !> Sets J, the counts and the reason for which the search has ended.
+      subroutine describe_end()
+         result%J = sum(residual**2)
+         result%iterations = search%iterations
+         result%evaluations = search%evaluations
+         result%shortened = search%shortened
+         result%reason = trim(reasons(info))
+         call name_variables_at_bounds(search, result%reason)
+         if (allocated(note)) result%reason = result%reason//note
+      end subroutine describe_end
 
       !> Computes the residuals at the parameters of a search that has no variable to move.
       subroutine find_residual()

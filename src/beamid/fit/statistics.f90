@@ -1,6 +1,5 @@
 !> Computes the statistics of a least-squares fit from its Jacobian and residuals: standard errors,
-!> correlations, intervals, and the combinations of parameters that the data do not determine.
-!> Independent of the model.
+!> correlations and intervals. Independent of the model.
 module beamid_statistics
    use beamid_condensation, only: factor_of, few_rows
    use beamid_distributions, only: chi_square_tail, normal_quantile, student_quantile
@@ -8,11 +7,11 @@ module beamid_statistics
    use beamid_kernels, only: lagged_products
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesvd
-   use beamid_strings, only: fixed, to_text
+   use beamid_strings, only: to_text
    implicit none
    private
 
-   public :: statistics_t, new_statistics, undetermined, misfit_of_records, unlimited
+   public :: statistics_t, new_statistics, unlimited
 
    !> Value of the standard error of a parameter about which the data say nothing.
    real(wp), parameter :: unlimited = huge(1.0_wp)
@@ -184,29 +183,6 @@ contains
       end associate
       cannot_reject = self%samples*log(ratio) < inflation*normal_quantile(1 - level/2)**2
    end function cannot_reject
-
-   !> Returns the quantity that replaces J if the noise levels of several records are estimated from
-   !> the fit itself, so that the weighted J carries no information: m times the weighted geometric
-   !> mean of the residual variances of the records, m being the number of all samples.
-   !>
-   !> residual  (m) without weights
-   !> samples   (records) number of samples of each record, in order
-   pure real(wp) function misfit_of_records(residual, samples) result(J)
-      real(wp), intent(in) :: residual(:)
-      integer, intent(in) :: samples(:)
-      real(wp) :: likelihood
-      integer :: k, row
-
-      likelihood = 0
-      row = 0
-      do k = 1, size(samples)
-         associate (m => samples(k))
-            likelihood = likelihood + m*log(max(tiny(J), sum(residual(row + 1:row + m)**2)/m))
-            row = row + m
-         end associate
-      end do
-      J = row*exp(likelihood/row)
-   end function misfit_of_records
 
    !> Computes covariance, sigma**2 V S**-2 V' in the parameters' units, correlation and standard
    !> errors. A parameter with a component in a direction whose singular value is round-off has an
@@ -398,78 +374,5 @@ contains
       if (info /= 0) call failure(error, &
          'statistics: the singular value decomposition did not converge')
    end subroutine decompose
-
-   !> Returns a sentence for each combination of parameters whose relative change by 100 % cannot be
-   !> distinguished from noise (at 95 %).
-   !>
-   !> names     (n) of the parameters
-   !> scale     (n) as in `new_statistics`
-   !> jacobian  (m, n) for the change of J along a direction
-   function undetermined(statistics, names, scale, jacobian) result(sentences)
-      type(statistics_t), intent(in) :: statistics
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: scale(:), jacobian(:, :)
-      character(len=512), allocatable :: sentences(:)
-      real(wp) :: t, threshold
-      integer :: k, n
-
-      n = statistics%parameters
-      allocate (sentences(0))
-      t = statistics%quantile
-      threshold = max(t*sqrt(statistics%variance), &
-         epsilon(1.0_wp)*statistics%samples*statistics%singular(1))
-      do k = n, 1, -1
-         if (statistics%singular(k) > threshold) cycle
-         sentences = [character(len=512) :: sentences, &
-            describe_direction(statistics, names, scale, jacobian, k)]
-      end do
-   end function undetermined
-
-   !> Returns the sentence for direction k: its parameters, and the change of J along it.
-   function describe_direction(statistics, names, scale, jacobian, k) result(text)
-      type(statistics_t), intent(in) :: statistics
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: scale(:), jacobian(:, :)
-      integer, intent(in) :: k
-      character(len=:), allocatable :: text
-      real(wp), allocatable :: v(:)
-      real(wp) :: J, change_alone, change_along, smallest_share
-      integer :: i, largest
-
-      J = statistics%variance*statistics%freedom
-      v = statistics%direction(:, k)
-      largest = maxloc(abs(v), dim=1)
-      v = v/v(largest)
-      ! Is the largest parameter alone undetermined, or can small changes of others compensate it?
-      change_alone = sum((jacobian(:, largest)*scale(largest))**2)
-      change_along = (statistics%singular(k)/statistics%direction(largest, k))**2
-      smallest_share = 0.1_wp
-      if (count(abs(v) > smallest_share) == 1 .and. change_alone > 4*change_along) &
-         smallest_share = 1e-4_wp
-      if (count(abs(v) > smallest_share) == 1) then
-         text = trim(names(largest))// &
-            ' is not determined by this record: doubling it changes J by '// &
-            to_text(change_alone)//' ('//to_text(100*(change_alone/max(J, tiny(J))))//' % of J)'
-         return
-      end if
-      text = ''
-      do i = 1, size(v)
-         if (abs(v(i)) <= smallest_share) cycle
-         if (text /= '') text = text//', '
-         text = text//trim(names(i))//' by '//signed_per_cent(100*v(i))//' %'
-      end do
-      text = 'not determined together: changing '//text//' at once changes J by '// &
-         to_text(change_along)
-   end function describe_direction
-
-   !> Returns a percentage with its sign: in whole numbers, or with two decimals below 1 %.
-   pure function signed_per_cent(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-
-      text = trim(adjustl(fixed(value, 12, merge(0, 2, abs(value) >= 1))))
-      text = text(:verify(text, '.', back=.true.))
-      if (value > 0) text = '+'//text
-   end function signed_per_cent
 
 end module beamid_statistics

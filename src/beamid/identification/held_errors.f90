@@ -8,7 +8,8 @@ module beamid_held_errors
    use beamid_errors, only: error_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
-   use beamid_parameters, only: name_length, parameters
+   use beamid_parameter_names, only: name_length
+   use beamid_parameters, only: parameters
    use beamid_priors, only: prior_t
    use beamid_residuals, only: residual_t
    implicit none

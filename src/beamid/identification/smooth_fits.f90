@@ -6,6 +6,7 @@
 !> marginal likelihood of the problem linearised at the estimate. The search is repeated until the
 !> strength no longer changes. The first search uses a rigid penalty.
 module beamid_smooth_fits
+   use beamid_criteria, only: misfit_of_records
    use beamid_errors, only: error_t, failure
    use beamid_field_penalties, only: fields, penalty_count
    use beamid_kinds, only: wp
@@ -14,7 +15,6 @@ module beamid_smooth_fits
    use beamid_noise_levels, only: estimates_noise, fit_with_noise
    use beamid_residuals, only: residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
-   use beamid_statistics, only: misfit_of_records
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t

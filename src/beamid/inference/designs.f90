@@ -17,7 +17,8 @@ module beamid_designs
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
-   use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
+   use beamid_parameter_names, only: name_of_parameter
+   use beamid_parameters, only: as_named, free_magnitude, get_free
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_strings, only: to_text

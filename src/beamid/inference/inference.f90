@@ -172,30 +172,19 @@ contains
       integer :: k, n
 
       n = size(found%free)
-      do k = 1, n
-         if (all(sides(:, k)%state /= is_open)) cycle
-         call refuse_open(k)
-         return
-      end do
+      call refuse_open(found, [(any(sides(:, k)%state == is_open), k=1, n)], error)
+      if (allocated(error)) return
       call problem_of_fit(model, mesh, experiments, found, problem, variables, error)
       if (allocated(error)) return
       call new_posterior(problem, variables, found%fit%residual, found%jacobian, plan%coloured, &
          density)
       posterior%order = density%order
       limit = widest*max(abs(found%fit%estimate), variables%magnitude)
-      k = findloc(shares_beyond(density, variables, found%fit%estimate, limit) > clear, .true., &
-         dim=1)
-      if (k > 0) then
-         call refuse_open(k)
-         return
-      end if
+      call refuse_open(found, shares_beyond(density, variables, found%fit%estimate, limit) &
+         > clear, error)
+      if (allocated(error)) return
       call density%problem%localize(found%fit%estimate, found%statistics%covariance(:n, :n), bases)
-      do k = 1, size(variables)
-         if (variables(k)%upper <= limit(k) .and. variables(k)%lower >= -limit(k)) &
-            limit(k) = 2*max(abs(variables(k)%upper), abs(variables(k)%lower))
-         variables(k)%upper = min(variables(k)%upper, limit(k))
-         variables(k)%lower = max(variables(k)%lower, -limit(k))
-      end do
+      call bound(variables, limit)
       call sample(density, variables, found%fit%estimate, plan, posterior%draws, error, monitor)
       call check_interrupt(error)
       if (allocated(error)) then
@@ -206,30 +195,44 @@ contains
             'command profile instead'
          return
       end if
-      do k = 1, size(variables)
-         if (count(abs(posterior%draws%q(k, :)) > limit(k)/2) <= leaning &
-            *size(posterior%draws%q, 2)) cycle
-         call refuse_open(k)
-         return
-      end do
+      call refuse_open(found, [(count(abs(posterior%draws%q(k, :)) > limit(k)/2) > leaning &
+         *size(posterior%draws%q, 2), k=1, size(variables))], error)
+      if (allocated(error)) return
       associate (draws => size(posterior%draws%q, 2))
          posterior%shown = [(1 + (k - 1)*(draws/min(shown, draws)), k=1, min(shown, draws))]
       end associate
       call predict(problem, posterior)
       call check_interrupt(error)
-
-   contains
-
-      !> Sets the error of a parameter that the record does not bound.
-      subroutine refuse_open(k)
-         integer, intent(in) :: k
-
-         call failure(error, 'posterior: the record sets '// &
-            trim(found%quantities(k)%searched_name())//' no limit, and a flat prior up to '// &
-            'infinity is no distribution; expected a bound in its stage, or &prior')
-      end subroutine refuse_open
-
    end subroutine sample_fit
+
+   !> Bounds variables by artificial ends, those that have no nearer bound on both sides.
+   !>
+   !> limit  (n) modulus of the artificial ends; on return twice the larger bound of a variable
+   !>        whose own bounds are nearer
+   elemental subroutine bound(variables, limit)
+      type(variable_t), intent(inout) :: variables
+      real(wp), intent(inout) :: limit
+
+      if (variables%upper <= limit .and. variables%lower >= -limit) &
+         limit = 2*max(abs(variables%upper), abs(variables%lower))
+      variables%upper = min(variables%upper, limit)
+      variables%lower = max(variables%lower, -limit)
+   end subroutine bound
+
+   !> Refuses the first of those parameters that the record does not bound, if there is one.
+   !>
+   !> is_unbounded  (free)
+   subroutine refuse_open(found, is_unbounded, error)
+      type(stage_fit_t), intent(in) :: found
+      logical, intent(in) :: is_unbounded(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      k = findloc(is_unbounded, .true., dim=1)
+      if (k > 0) call failure(error, 'posterior: the record sets '// &
+         trim(found%quantities(k)%searched_name())//' no limit, and a flat prior up to '// &
+         'infinity is no distribution; expected a bound in its stage, or &prior')
+   end subroutine refuse_open
 
    !> Returns, for each parameter (n), the larger of its shares beyond both artificial ends.
    !>

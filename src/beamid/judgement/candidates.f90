@@ -1,7 +1,7 @@
 !> Candidate models of the same records, which `compare` ranks: fits each, counts its estimated
 !> parameters, and tells which model is nested in which.
 module beamid_candidates
-   use beamid_criteria, only: aicc, bic
+   use beamid_criteria, only: aicc, bic, misfit_of_records
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
@@ -11,9 +11,9 @@ module beamid_candidates
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_mechanisms, only: is_of_damping
-   use beamid_parameters, only: get_free, is_there, offset, on_beam, parameters
+   use beamid_parameter_names, only: is_there
+   use beamid_parameters, only: get_free, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
-   use beamid_statistics, only: misfit_of_records
    use beamid_structure, only: structure_t
    implicit none
    private

@@ -130,7 +130,6 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer, parameter :: most = 3
       type(residual_t) :: problem, trial
-      type(mesh_t) :: rough
       type(stage_t) :: stage
       type(options_t) :: options
       type(error_t), allocatable :: refusal
@@ -142,15 +141,8 @@ contains
 
       stage = given
       stage%offset = .false.
-      rough = mesh
-      rough%elements = min(mesh%elements, coarsest)
-      call new_residuals(model, rough, tables, problem, error, stage%free)
+      call prepare_fit(model, mesh, tables, stage, problem, error)
       if (allocated(error)) return
-      call set_free(problem, stage)
-      do k = 1, size(stage%free)
-         call problem%scenario%set(stage%free(k), stage%record(k), as_named(stage%free(k), &
-            stage%start(k)))
-      end do
       deallocate (stage%start)
       range = maxval(mechanisms(combination%parts)%range)
       grid = [0.0_wp]
@@ -203,6 +195,29 @@ contains
       end subroutine guess
 
    end subroutine find_starts
+
+   !> Prepares the fit of a stage to the tables, from the start values of the stage, on a coarse
+   !> mesh. Arguments as of `find_starts`.
+   subroutine prepare_fit(model, mesh, tables, stage, problem, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: tables(:)
+      type(stage_t), intent(in) :: stage
+      type(residual_t), intent(out) :: problem
+      type(error_t), allocatable, intent(out) :: error
+      type(mesh_t) :: rough
+      integer :: k
+
+      rough = mesh
+      rough%elements = min(mesh%elements, coarsest)
+      call new_residuals(model, rough, tables, problem, error, stage%free)
+      if (allocated(error)) return
+      call set_free(problem, stage)
+      do k = 1, size(stage%free)
+         call problem%scenario%set(stage%free(k), stage%record(k), as_named(stage%free(k), &
+            stage%start(k)))
+      end do
+   end subroutine prepare_fit
 
    !> Returns values of a rate or range from which fits start.
    pure function grid_of(parameter, problem, tables) result(grid)

@@ -13,7 +13,8 @@ module beamid_fixed_parameters
    use beamid_held_errors, only: held_t
    use beamid_identification, only: identify
    use beamid_kinds, only: wp
-   use beamid_parameters, only: name_of_parameter, on_beam, parameters, set_free
+   use beamid_parameter_names, only: name_of_parameter
+   use beamid_parameters, only: on_beam, parameters, set_free
    use beamid_priors, only: priors_of
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: stage_fit_t

@@ -25,7 +25,8 @@ module beamid_score_tests
    use beamid_gauss_newton, only: least_squares_step
    use beamid_identification, only: identify
    use beamid_kinds, only: wp
-   use beamid_parameters, only: name_length, name_of_parameter, parameters
+   use beamid_parameter_names, only: name_length, name_of_parameter
+   use beamid_parameters, only: parameters
    use beamid_priors, only: priors_of
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
@@ -88,7 +89,7 @@ contains
       real(wp), allocatable :: d(:)
       integer, allocatable :: candidates(:)
       logical, allocatable :: is_in_time(:)
-      integer :: first, k, last, tested
+      integer :: k
 
       allocate (tests(0))
       if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
@@ -122,13 +123,30 @@ contains
                tests(k)%value = 1/tests(k)%value
          end associate
       end do
-      tested = size(candidates)
+      if (.not. problem%offset) call test_offsets(experiments, fit, is_in_time, &
+         tests(size(candidates) + 1:))
+      call decide(fit, tests)
+   end subroutine test_candidates
+
+   !> Tests the offset of each record that is a function of time.
+   !>
+   !> is_in_time  (records) which records are functions of time
+   !> tests       (number of these records)
+   subroutine test_offsets(experiments, fit, is_in_time, tests)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      logical, intent(in) :: is_in_time(:)
+      type(score_test_t), intent(inout) :: tests(:)
+      real(wp) :: d(size(fit%jacobian, 1))
+      integer :: first, k, last, tested
+
+      tested = 0
       last = 0
       do k = 1, size(experiments)
          first = last + 1
          last = last + size(experiments(k)%measured)
-         if (problem%offset .or. .not. is_in_time(k)) cycle
-         d = spread(0.0_wp, 1, size(fit%jacobian, 1))
+         if (.not. is_in_time(k)) cycle
+         d = 0
          ! The offset belongs to the record: residuals are model minus record.
          d(first:last) = experiments(k)%scale*fit%weight(k)
          tested = tested + 1
@@ -137,8 +155,7 @@ contains
          call test(fit, d, experiments(k)%offset, is_nonnegative=.false., sd=0.0_wp, &
             one=tests(tested))
       end do
-      call decide(fit, tests)
-   end subroutine test_candidates
+   end subroutine test_offsets
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
    !>

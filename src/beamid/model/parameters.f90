@@ -7,27 +7,22 @@ module beamid_parameters
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
-   use beamid_strings, only: lower, to_text
-   use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, &
-      function_of, is_coefficient, item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, &
-      kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_coefficients, &
-      most_items, n_parameters, no_spring, of_a_h, of_b, of_b_h, of_c_D, of_d, of_d_D, of_E, &
-      of_eta, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, of_T, of_w_D, of_x_D, &
-      of_x_F, root, structure_t, tip, values_of, x_H_at, x_M_at, x_P_at, x_S_at
+   use beamid_strings, only: lower
+   use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, J_M_at, &
+      J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, &
+      most_coefficients, most_items, n_parameters, of_a_h, of_b, of_b_h, of_c_D, of_d, of_d_D, &
+      of_E, of_eta, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, of_T, of_w_D, &
+      of_x_D, of_x_F, structure_t, values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
-   public :: parameter_t, parameters, key_of, group_of, as_named, free_names, free_index, &
-      name_of_parameter, place_of_name, is_there, get_free, set_free, free_magnitude, &
-      magnitude, may_be_negative, belongs_to_hose
+   public :: parameter_t, parameters, key_of, as_named, free_names, free_index, get_free, &
+      set_free, free_magnitude, magnitude, may_be_negative, belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
    !> Allowed ranges of a parameter: > 0; >= 0; a position, 0 < x <= length; any value; a share,
    !> 0 <= value < 1.
    integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4, share = 5
-
-   !> Length of a printed name, with the name of the attachment after it.
-   integer, parameter, public :: name_length = 10 + item_name_length
 
    !> Numbers of two parameters that are not components of a structure: the amplitude of the
    !> excitation, and the offset of a record.
@@ -225,18 +220,6 @@ contains
       if (parameters(k)%key /= '') key = trim(parameters(k)%key)
    end function key_of
 
-   !> Returns the group of the case file that gives parameter k: &beam for the rotation of a root
-   !> that the case does not describe by &end.
-   pure function group_of(structure, k) result(group)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-      character(len=:), allocatable :: group
-
-      group = trim(parameters(k)%group)
-      if (any(k == [kappa_R_at(root), c_R_at(root)]) .and. .not. structure%described(root)) &
-         group = 'beam'
-   end function group_of
-
    !> Returns the number of the first parameter of a name (in any case) that a fit may estimate, or
    !> 0.
    pure integer function free_index(key)
@@ -248,109 +231,6 @@ contains
       end do
       free_index = 0
    end function free_index
-
-   !> Returns whether parameter k exists in a structure: its attachment (there is always a sensor
-   !> and a hose, whose mass may be 0), dip or coefficient must exist. Springs and dampers of an end
-   !> exist if the case describes the end, or if they are neither rigid nor absent; those of the
-   !> rotation of the root always exist. Those of the rotation of a support exist if it has either.
-   elemental logical function is_there(structure, k)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-
-      is_there = .true.
-      associate (item => parameters(k)%item)
-         select case (parameters(k)%group)
-         case ('sensor', 'support', 'mass', 'hose')
-            is_there = item <= attachments(structure, parameters(k)%group)
-            if (any(k == [kappa_RP_at, c_RP_at])) is_there = is_there .and. &
-               (structure%support(item)%kappa_RP < no_spring .or. structure%support(item)%c_RP > 0)
-         case ('along')
-            is_there = structure%has_dip()
-         case ('end')
-            if (all(k /= [kappa_R_at(root), c_R_at(root)])) is_there = structure%described(item) &
-               .or. structure%get(k) > 0 .and. structure%get(k) < no_spring
-         case ('E(x)', 'c_D(x)')
-            is_there = item <= structure%variations%along(function_of(k))%coefficients
-         end select
-      end associate
-   end function is_there
-
-   !> Returns the number of attachments that a group of the case file describes; there is always a
-   !> sensor and a hose. 0: the group describes no attachment.
-   pure integer function attachments(structure, group)
-      type(structure_t), intent(in) :: structure
-      character(len=*), intent(in) :: group
-
-      select case (group)
-      case ('sensor')
-         attachments = max(1, structure%sensors)
-      case ('support')
-         attachments = structure%supports
-      case ('mass')
-         attachments = structure%masses
-      case ('hose')
-         attachments = max(1, structure%hoses)
-      case default
-         attachments = 0
-      end select
-   end function attachments
-
-   !> Returns the printed name of parameter k. If there are several attachments of a kind, the name
-   !> of the attachment follows ('m_S.a'). The end follows the name of its springs and dashpots
-   !> ('k_R.tip'), except for k_R and c_R of &beam, and a coefficient is followed by its number
-   !> ('E.3').
-   elemental function name_of_parameter(structure, k) result(name)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-      character(len=name_length) :: name
-
-      name = parameters(k)%name
-      if (attachments(structure, parameters(k)%group) > 1) name = labelled(structure, k)
-      if (parameters(k)%group == 'end') then
-         if (parameters(k)%item == tip .or. structure%described(1) .or. &
-            .not. any(k == [kappa_R_at(1), c_R_at(1)])) name = labelled(structure, k)
-      end if
-      if (is_coefficient(k)) name = trim(name)//'.'//to_text(parameters(k)%item)
-   end function name_of_parameter
-
-   !> Returns the number of the parameter with a given printed name that a fit may estimate, or 0.
-   !> Upper and lower case are equal. The suffix of an attachment ('m_S.a') is required if there
-   !> are several of its kind, and allowed if there is one.
-   elemental integer function place_of_name(structure, name) result(place)
-      type(structure_t), intent(in) :: structure
-      character(len=*), intent(in) :: name
-
-      do place = size(parameters), 1, -1
-         if (.not. (parameters(place)%is_free .and. is_there(structure, place))) cycle
-         if (lower(trim(name_of_parameter(structure, place))) == lower(trim(name))) return
-         ! The suffix is allowed for the only attachment of a kind, too.
-         if (index(name, '.') < len_trim(name) .and. &
-            lower(trim(name)) == lower(trim(labelled(structure, place)))) return
-      end do
-   end function place_of_name
-
-   !> Returns the name of parameter k with the name of its attachment or end as a suffix.
-   pure function labelled(structure, k) result(name)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-      character(len=name_length) :: name
-
-      name = parameters(k)%name
-      associate (item => parameters(k)%item)
-         select case (parameters(k)%group)
-         case ('sensor')
-            name = trim(name)//'.'//structure%sensor_name(item)
-         case ('support')
-            name = trim(name)//'.'//structure%support_name(item)
-         case ('mass')
-            name = trim(name)//'.'//structure%mass_name(item)
-         case ('hose')
-            name = trim(name)//'.'//structure%hose_name(item)
-         case ('end')
-            name = trim(name)//'.'//merge('tip ', 'root', item == tip)
-         end select
-      end associate
-   end function labelled
 
    !> Returns the value of parameter k, which may be the amplitude; the offset is returned as 0.
    pure real(wp) function get_free(structure, excitation, k) result(value)

@@ -3,8 +3,8 @@
 module beamid_structure_checks
    use beamid_errors, only: bad_input, error_t, failure, locate, status_bad_input
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, is_there, key_of, magnitude, not_negative, on_beam, &
-      parameters, &
+   use beamid_parameter_names, only: is_there
+   use beamid_parameters, only: as_named, key_of, magnitude, not_negative, on_beam, parameters, &
       positive, share
    use beamid_strings, only: to_text
    use beamid_structure, only: deflection, n_parameters, no_spring, of_d, of_E, of_eta, &

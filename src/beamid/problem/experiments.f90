@@ -1,12 +1,12 @@
 !> Experiments: what was measured and under which conditions, and the preparation for a fit.
 !> `beamid_residuals` evaluates the experiments of a fit.
 module beamid_experiments
-   use beamid_equations, only: unknowns_of
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_of, mesh_t
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
+   use beamid_mesh_unknowns, only: unknowns_of
    use beamid_observation, only: new_sampling, observation_t
    use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: is_exact, prepare_for, solver_t, work_t

@@ -5,7 +5,8 @@
 !> source of error of the estimates (module `beamid_held_errors`).
 module beamid_priors
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, name_length, parameters
+   use beamid_parameter_names, only: name_length
+   use beamid_parameters, only: as_named, parameters
    use beamid_unknowns, only: scenario_t
    implicit none
    private

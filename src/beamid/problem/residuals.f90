@@ -7,18 +7,16 @@ module beamid_residuals
    use beamid_condensation, only: few_rows, triangle_of
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t, prepare_experiment
-   use beamid_field_penalties, only: fields, penalty_order
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_motion_rows, only: motion_rows_t
    use beamid_observed_data, only: observed_data_t
-   use beamid_priors, only: priors_of
+   use beamid_prior_rows, only: add_prior_rows
    use beamid_problems, only: compare_derivatives
    use beamid_responses, only: is_exact
    use beamid_simulation, only: model_t
-   use beamid_smoothing, only: difference_rows
    use beamid_structure, only: yielding
    use beamid_unknowns, only: scenario_t
    use beamid_variables, only: variable_t
@@ -49,8 +47,6 @@ module beamid_residuals
       procedure :: beginning
       procedure :: check_sample
       procedure, private :: has_long_record
-      procedure, private :: add_prior_rows
-      procedure, private :: add_penalties
    end type residual_t
 
    !> Data of an experiment that are kept while others stand in for them.
@@ -237,7 +233,7 @@ contains
          row = row + m
          i = last + 1
       end do
-      if (size(r) > row) call self%add_prior_rows(parameters, r(row + 1:), jac(row + 1:, :))
+      if (size(r) > row) call add_prior_rows(self, parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine evaluate
 
    !> Computes the sum of squares of the residuals of each record, and that of the priors and
@@ -275,7 +271,7 @@ contains
          J(i:last) = [(sum(y(rows(k - 1) + 1:rows(k))**2), k=i, last)]
          i = last + 1
       end do
-      if (size(of_priors) > 0) call self%add_prior_rows(parameters, of_priors, none)
+      if (size(of_priors) > 0) call add_prior_rows(self, parameters, of_priors, none)
       J(size(J)) = sum(of_priors**2)
    end subroutine squares
 
@@ -340,7 +336,7 @@ contains
       if (m > 0) then
          y = spread(0.0_wp, 1, m)
          dy = spread(spread(0.0_wp, 1, m), 2, n)
-         call self%add_prior_rows(parameters, y, dy)
+         call add_prior_rows(self, parameters, y, dy)
          call add_rows([(k, k=1, n)], dy, y, rows)
       end if
       jac = rows(:, :n)
@@ -366,57 +362,5 @@ contains
       a(n + 1:, n) = y
       call triangle_of(a, rows)
    end subroutine add_rows
-
-   !> Computes the rows of the priors, and after them those of the penalties.
-   !>
-   !> r    (rows - samples)
-   !> jac  (rows - samples, n or more), 0 on entry; or without columns
-   pure subroutine add_prior_rows(self, parameters, r, jac)
-      class(residual_t), intent(in) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(inout) :: r(:), jac(:, :)
-      real(wp) :: centre, slope
-      integer :: which(size(parameters)), k, row
-
-      which = priors_of(self%priors, self%free, self%record)
-      row = 0
-      do k = 1, size(parameters)
-         if (which(k) == 0) cycle
-         row = row + 1
-         associate (prior => self%priors(which(k)))
-            centre = prior%centre_in(self%record(k))
-            slope = self%noise/prior%width(centre)
-            r(row) = slope*(parameters(k) - centre)
-         end associate
-         if (size(jac, 2) > 0) jac(row, k) = slope
-      end do
-      call self%add_penalties(parameters, r(row + 1:), jac(row + 1:, :))
-   end subroutine add_prior_rows
-
-   !> Computes the rows of the penalties on E(x) and c_D(x).
-   pure subroutine add_penalties(self, parameters, r, jac)
-      class(residual_t), intent(in) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(inout) :: r(:), jac(:, :)
-      integer, allocatable :: columns(:)
-      real(wp), allocatable :: differences(:, :)
-      integer :: a, k, row
-
-      row = 0
-      do a = 1, fields
-         if (.not. self%strength(a) > 0) cycle
-         columns = self%field_columns(a)
-         differences = sqrt(self%strength(a))*difference_rows(size(columns), penalty_order)
-         associate (rows => size(differences, 1))
-            r(row + 1:row + rows) = matmul(differences, log(parameters(columns)))
-            if (size(jac, 2) > 0) then
-               do k = 1, size(columns)
-                  jac(row + 1:row + rows, columns(k)) = differences(:, k)/parameters(columns(k))
-               end do
-            end if
-            row = row + rows
-         end associate
-      end do
-   end subroutine add_penalties
 
 end module beamid_residuals

@@ -6,9 +6,10 @@ module beamid_unknowns
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, free_magnitude, get_free, is_there, may_be_negative, &
-      name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, &
-      set_free, share
+   use beamid_parameter_names, only: is_there, name_of_parameter, &
+      parameter_name_length => name_length
+   use beamid_parameters, only: as_named, free_magnitude, get_free, may_be_negative, offset, &
+      on_beam, parameters, set_free, share
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, n_parameters, of_length, of_w_D, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t

@@ -109,11 +109,9 @@ contains
       integer :: j, k, most, n
 
       n = size(found%measured)
-      most = 0
-      do k = 1, size(is_possible)
-         if (is_possible(k)) most = max(most, size(found%combinations(k)%parameters()))
-      end do
       if (n == 0) return
+      most = maxval([(size(found%combinations(k)%parameters()), k=1, size(is_possible))], &
+         is_possible)
       if (n <= most) then
          call text%line('Reason: '//to_text(n)//' measured damping ratio'// &
             trim(merge(' is  ', 's are', n == 1))//' too few to separate models with '// &

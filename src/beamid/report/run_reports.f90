@@ -4,7 +4,8 @@ module beamid_run_reports
    use beamid_case_files, only: case_t
    use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &
       prepare_design, prepare_modes, prepare_simulation, simulate_case, simulated_t
-   use beamid_design_reports, only: design_summary, design_table
+   use beamid_design_reports, only: design_summary
+   use beamid_design_tables, only: design_table
    use beamid_designs, only: designs_t
    use beamid_errors, only: error_t
    use beamid_fit_reports, only: add_modes_of_fits

@@ -5,10 +5,11 @@ module beamid_statistics_reports
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, unit_suffix
-   use beamid_statistics, only: undetermined, unlimited
+   use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: left, right, text_t
+   use beamid_undetermined_directions, only: undetermined
    use beamid_unknowns, only: name_length
    use beamid_values, only: listed
    use beamid_verdict_reports, only: determination

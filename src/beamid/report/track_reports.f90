@@ -7,7 +7,8 @@ module beamid_track_reports
    use beamid_sorting, only: median
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
-   use beamid_tracker, only: track_flags, tracked_t, tracker_t
+   use beamid_tracked_windows, only: track_flags, tracked_t
+   use beamid_tracker, only: tracker_t
    use beamid_variables, only: unbounded
    implicit none
    private

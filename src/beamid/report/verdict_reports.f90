@@ -31,9 +31,8 @@ contains
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
       type(verdict_t), intent(in) :: verdict
-      character(len=:), allocatable :: content, line, unit
+      character(len=:), allocatable :: content, line
       type(text_t) :: text
-      integer :: k
 
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
       if (verdict%starts_again) call text%line('the fit from the values of the case was '// &
@@ -59,7 +58,22 @@ contains
          call text%line('the residuals are larger than the stated noise explains, so '// &
          'the intervals are widened by a factor of '// &
          to_text(sqrt(fit%statistics%variance)))
-      unit = unit_suffix(case%units%acceleration())
+      call add_qualities(text, unit_suffix(case%units%acceleration()), verdict)
+      call add_sightings(text, verdict)
+      if (fit%other /= '') call text%line(fit%other)
+      content = text%content()
+   end function verdict_summary
+
+   !> Adds the share of each record that the fit explains.
+   !>
+   !> unit  of accelerations
+   subroutine add_qualities(text, unit, verdict)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: unit
+      type(verdict_t), intent(in) :: verdict
+      character(len=:), allocatable :: line
+      integer :: k
+
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
             line = unit
@@ -71,6 +85,15 @@ contains
                'residuals are errors of computation')
          end associate
       end do
+   end subroutine add_qualities
+
+   !> Adds the modes that are seen in the records, and the spectral lines of no mode.
+   subroutine add_sightings(text, verdict)
+      type(text_t), intent(inout) :: text
+      type(verdict_t), intent(in) :: verdict
+      character(len=:), allocatable :: line
+      integer :: k
+
       do k = 1, size(verdict%sightings)
          associate (s => verdict%sightings(k))
             line = '  mode '//to_text(s%mode)
@@ -86,9 +109,7 @@ contains
             call text%line(line)
          end associate
       end do
-      if (fit%other /= '') call text%line(fit%other)
-      content = text%content()
-   end function verdict_summary
+   end subroutine add_sightings
 
    !> Returns the number of samples, lines or modes of a record, with the noun.
    function counted(quality) result(text)

@@ -12,11 +12,11 @@ module beamid_starts
    use beamid_kinds, only: wp
    use beamid_least_squares, only: options_t
    use beamid_model_roots, only: damps, model_roots
-   use beamid_parameters, only: as_named
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, &
       list_rivals, new_choice, rival_t, try_equal_frequencies
+   use beamid_start_notes, only: describe_fixed, describe_unknowable
    use beamid_strings, only: rounded, to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
@@ -65,7 +65,7 @@ contains
       type(stage_t) :: searched
       type(quantity_t), allocatable :: asked(:)
       logical, allocatable :: undetermined(:), unknowable(:), is_damping(:)
-      integer :: k, modes, needed
+      integer :: modes, needed
       logical :: is_free_motion
 
       if (.not. problem%exact) then
@@ -85,23 +85,12 @@ contains
       end if
       asked = full%quantities
       searched = stage
-      if (is_free_motion .and. any(unknowable) .and. .not. all(unknowable)) then
-         searched = stage%without(unknowable)
-         undetermined = pack(undetermined, .not. unknowable)
-         is_damping = pack(is_damping, .not. unknowable)
-         call set_free(problem, searched)
-         call new_choice(problem, searched, modes, full, error)
-      end if
+      if (is_free_motion) call leave_unknowable(problem, unknowable, modes, searched, &
+         undetermined, is_damping, full, error)
       if (stage%rejected_mode == 0 .and. .not. allocated(error)) &
          call choose(problem, full, lines, needed, options, error)
-      if (is_free_motion) then
-         call try_equal_frequencies(problem, full, needed, options)
-         call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
-         call compare(problem, full, fewer, lines, needed)
-         if (full%best == 0 .and. fewer%best == 0 .and. .not. stage%is_whole) &
-            call exchange_fixed(problem, full, lines, needed, undetermined, is_damping, options, &
-            fewer)
-      end if
+      if (is_free_motion) call look_for_others(problem, full, lines, needed, undetermined, &
+         is_damping, stage%is_whole, options, fewer)
       call full%list_rejections(findings%rejections)
       if (allocated(error) .and. .not. fewer%best > 0) then
          error%message = 'start values: '//error%message
@@ -118,18 +107,83 @@ contains
             ' converges; give start values, or free fewer parameters')
          return
       else
-         k = full%best
-         if (k == 0) then
-            k = minloc([(full%trials(k)%fit%J, k=1, size(full%trials))], dim=1)
-            if (is_free_motion) findings%doubt = full%trials(k)%objection
-         end if
-         problem%scenario = full%trials(k)%start
          stage = searched
-         call describe_unknowable(problem, asked, full, findings%note)
-         if (findings%doubt == '') call list_rivals(full, k, findings%rivals)
+         call take_best(problem, full, is_free_motion, asked, findings)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start
+
+   !> Leaves out the parameters that no record tells anything about, if it tells of others.
+   !>
+   !> stage         on return without them
+   !> undetermined  (free) on return without them
+   !> is_damping    (free) on return without them
+   !> choice        on return of the remaining parameters
+   !> others        as of `new_choice` and `needed_modes`
+   subroutine leave_unknowable(problem, unknowable, modes, stage, undetermined, is_damping, &
+      choice, error)
+      type(residual_t), intent(inout) :: problem
+      logical, intent(in) :: unknowable(:)
+      integer, intent(in) :: modes
+      type(stage_t), intent(inout) :: stage
+      logical, allocatable, intent(inout) :: undetermined(:), is_damping(:)
+      type(choice_t), intent(inout) :: choice
+      type(error_t), allocatable, intent(out) :: error
+
+      if (.not. any(unknowable) .or. all(unknowable)) return
+      stage = stage%without(unknowable)
+      undetermined = pack(undetermined, .not. unknowable)
+      is_damping = pack(is_damping, .not. unknowable)
+      call set_free(problem, stage)
+      call new_choice(problem, stage, modes, choice, error)
+   end subroutine leave_unknowable
+
+   !> Looks for fits beside the trial fits of a free motion: with two modes of equal frequency, with
+   !> fewer modes and parameters, and if no fit is accepted, with another parameter fixed.
+   !>
+   !> full      trial fits with all parameters; loses its best one if a fit with fewer is better
+   !> is_whole  whether no parameter may be exchanged
+   !> fewer     trial fits with fewer parameters
+   !> others    as of `choose` and `needed_modes`
+   subroutine look_for_others(problem, full, lines, needed, undetermined, is_damping, is_whole, &
+      options, fewer)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(inout) :: full
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      logical, intent(in) :: undetermined(:), is_damping(:), is_whole
+      type(options_t), intent(in) :: options
+      type(choice_t), intent(inout) :: fewer
+
+      call try_equal_frequencies(problem, full, needed, options)
+      call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
+      call compare(problem, full, fewer, lines, needed)
+      if (full%best == 0 .and. fewer%best == 0 .and. .not. is_whole) call exchange_fixed(problem, &
+         full, lines, needed, undetermined, is_damping, options, fewer)
+   end subroutine look_for_others
+
+   !> Takes the start of the best trial fit that nothing speaks against; without one, that of the
+   !> least J, with a doubt if the motion is free.
+   !>
+   !> choice  of trial fits with all parameters
+   !> asked   quantities of the stage, before parameters were left out
+   subroutine take_best(problem, choice, is_free_motion, asked, findings)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(in) :: choice
+      logical, intent(in) :: is_free_motion
+      type(quantity_t), intent(in) :: asked(:)
+      type(findings_t), intent(inout) :: findings
+      integer :: k
+
+      k = choice%best
+      if (k == 0) then
+         k = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
+         if (is_free_motion) findings%doubt = choice%trials(k)%objection
+      end if
+      problem%scenario = choice%trials(k)%start
+      call describe_unknowable(problem, asked, choice, findings%note)
+      if (findings%doubt == '') call list_rivals(choice, k, findings%rivals)
+   end subroutine take_best
 
    !> Repeats trial fits with one mode fewer, with another parameter fixed: one of those that the
    !> modes determine takes the place of one that they do not determine. An exchange applies to
@@ -261,87 +315,6 @@ contains
       end function undetermined_by
 
    end subroutine needed_modes
-
-   !> Describes why a mode does not count, which parameters are therefore fixed, and at which
-   !> values.
-   !>
-   !> asked     (free) parameters of the stage in the case
-   !> choice    trial fits with the mode
-   !> fewer     trial fits without it
-   !> needed    number of the mode
-   !> rejected  number of the mode that an earlier fit has rejected; 0: none
-   subroutine describe_fixed(problem, asked, choice, fewer, needed, rejected, text)
-      type(residual_t), intent(in) :: problem
-      type(quantity_t), intent(in) :: asked(:)
-      type(choice_t), intent(in) :: choice, fewer
-      integer, intent(in) :: needed, rejected
-      character(len=:), allocatable, intent(out) :: text
-      character(len=:), allocatable :: absent
-      integer :: k
-
-      absent = 'fits no spectral line of '//trim(merge('this record  ', 'these records', &
-         size(problem%parts) == 1))
-      text = 'mode '//to_text(needed)//' '
-      if (rejected > 0) then
-         text = text//'cannot be told from a multiple of mode 1 or of the mains'
-      else if (size(choice%trials) == 0) then
-         text = text//absent
-      else
-         k = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
-         associate (objection => choice%trials(k)%objection)
-            if (choice%trials(k)%is_absent) then
-               text = text//absent
-            else if (index(objection, text) == 1) then
-               text = objection
-            else
-               text = text//'is uncertain ('//objection//')'
-            end if
-         end associate
-      end if
-      call add_fixed(problem, asked, fewer, text)
-   end subroutine describe_fixed
-
-   !> Describes which parameters are fixed because no mode determines them; '': none.
-   !>
-   !> asked   (free) parameters of the stage in the case
-   !> choice  trial fits without these parameters
-   subroutine describe_unknowable(problem, asked, choice, text)
-      type(residual_t), intent(in) :: problem
-      type(quantity_t), intent(in) :: asked(:)
-      type(choice_t), intent(in) :: choice
-      character(len=:), allocatable, intent(out) :: text
-
-      text = ''
-      if (size(choice%quantities) == size(asked)) return
-      text = 'the modes do not determine every free parameter'
-      call add_fixed(problem, asked, choice, text)
-   end subroutine describe_unknowable
-
-   !> Adds the fixed parameters and their values to a sentence.
-   !>
-   !> asked   (free) parameters of the stage in the case
-   !> choice  trial fits with the others
-   subroutine add_fixed(problem, asked, choice, text)
-      type(residual_t), intent(in) :: problem
-      type(quantity_t), intent(in) :: asked(:)
-      type(choice_t), intent(in) :: choice
-      character(len=:), allocatable, intent(inout) :: text
-      character(len=:), allocatable :: link
-      integer :: k
-
-      link = ' is held at '
-      text = text//':'
-      do k = 1, size(asked)
-         associate (q => asked(k))
-            if (any(choice%quantities%parameter == q%parameter .and. &
-               choice%quantities%record == q%record)) cycle
-            text = text//' '//trim(q%name)//link//to_text(as_named(q%parameter, &
-               problem%scenario%get(q%parameter, q%record)))//','
-            link = ' at '
-         end associate
-      end do
-      text = text(:len(text) - 1)
-   end subroutine add_fixed
 
    !> Refuses a model whose frequencies are far from those of its record, as after a slip in the
    !> units.

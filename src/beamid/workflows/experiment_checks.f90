@@ -5,7 +5,8 @@ module beamid_experiment_checks
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
+   use beamid_parameter_names, only: is_there, name_of_parameter
+   use beamid_parameters, only: on_beam, parameters
    use beamid_refusals, only: refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, of_length, same_structure, structure_t

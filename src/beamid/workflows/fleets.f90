@@ -12,7 +12,7 @@ module beamid_fleets
    use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: ip, wp
-   use beamid_parameters, only: name_of_parameter
+   use beamid_parameter_names, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
    use beamid_statistics, only: unlimited
    use beamid_texts, only: next_line

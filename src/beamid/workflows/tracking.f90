@@ -12,7 +12,8 @@ module beamid_tracking
    use beamid_refusals, only: refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient
-   use beamid_tracker, only: append_rows, new_tracker, tracked_t, tracker_t
+   use beamid_tracked_windows, only: append_rows, tracked_t
+   use beamid_tracker, only: new_tracker, tracker_t
    implicit none
    private
 
