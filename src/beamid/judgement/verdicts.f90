@@ -65,11 +65,9 @@ module beamid_verdicts
 
    !> A fit that explains less of a record, in percent, is rejected if its residuals are not white.
    real(wp), parameter :: least_percent = 50
-
    !> Share of the variance of a record above which a spectral line that the model cannot explain
    !> rejects the fit.
    real(wp), parameter :: most_unexplained = 0.05_wp
-
    !> Largest ratio of residuals to noise with which parameters may count as determined.
    real(wp), parameter :: gross = 10
 
@@ -323,9 +321,7 @@ contains
    end function quality_of
 
    !> Describes the record that the fit explains least, if that is too little and the residuals are
-   !> not white.
-   !>
-   !> text  a sentence; ''
+   !> not white; '' otherwise.
    subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
@@ -340,25 +336,23 @@ contains
          'start values, the units, and the parameters that are free'
    end subroutine describe_misfit
 
-   !> Adds to a rejection that the residuals of a time record are mainly a constant.
+   !> Adds to a rejection that most of the residuals of a time record is a constant.
    subroutine add_mean(experiments, fit, text)
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable, intent(inout) :: text
-      real(wp), parameter :: most = 0.5_wp   ! of the squares
-      integer :: first, last, r
+      real(wp), allocatable :: residual(:)
+      integer :: last, r
 
       last = 0
       do r = 1, size(experiments)
-         first = last + 1
-         last = last + size(experiments(r)%measured)
-         if (size(experiments(r)%samples) == 0) cycle
-         associate (residual => fit%residual(first:last))
-            if (sum(residual)**2 <= most*size(residual)*sum(residual**2)) cycle
-         end associate
-         text = text//'; the mean of the residuals is not 0: add ''offset'' to free'
-         return
+         residual = fit%residual(last + 1:last + size(experiments(r)%measured))
+         last = last + size(residual)
+         if (size(experiments(r)%samples) > 0 .and. sum(residual)**2 > 0.5_wp*size(residual) &
+            *sum(residual**2)) exit
       end do
+      if (r <= size(experiments)) text = text//'; the mean of the residuals is not 0: add '// &
+         '''offset'' to free'
    end subroutine add_mean
 
    !> Finds the parameters that all modes determine, but not the modes seen in the records, and

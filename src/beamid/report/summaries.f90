@@ -9,7 +9,7 @@ module beamid_summaries
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, unit_suffix
    use beamid_method_groups, only: formula_names
-   use beamid_parameters, only: name_length
+   use beamid_parameter_names, only: name_length
    use beamid_responses, only: work_t
    use beamid_splines, only: clamped_root
    use beamid_statistics, only: unlimited
