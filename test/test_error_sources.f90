@@ -15,7 +15,7 @@ program test_error_sources
    use beamid_priors, only: prior_t
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_I, of_kappa_R, of_length, of_rho, of_x_S, structure_t
+   use beamid_structure, only: of_E, of_I, of_kappa_R, of_length, of_rho, of_x_S, structure_t
    use beamid_variables, only: unbounded
    use beamid_window_fits, only: fit_windows, window_fit_t
    use checks, only: check, check_close, finish, in_long_run
@@ -31,6 +31,7 @@ program test_error_sources
    call test_noise_of_records()
    call test_lengths()
    call test_dispute()
+   call test_widths()
    call test_windows()
    call test_mesh()
    call test_coverage()
@@ -370,6 +371,25 @@ contains
       call check('dispute: none about one beam', disputed <= 2, to_text(disputed))
       call check('dispute: the interval holds their mean', held >= 8, to_text(held))
    end subroutine test_dispute
+
+   !> Student's factor 12.7 of two records that disagree multiplies their scatter of 1, not the
+   !> error of 10 that a fixed parameter causes. With it, the interval is wider than a value of 20;
+   !> with an error of 1 it is not.
+   subroutine test_widths()
+      type(stage_fit_t) :: fit
+
+      fit%free = [of_E]
+      allocate (fit%quantities(1), fit%held(1))
+      fit%quantities(1)%searched = 20
+      fit%statistics%corrected_error = [1.0_wp]
+      fit%statistics%corrected_half_width = [12.706_wp]
+      fit%held(1)%effect = [10.0_wp]
+      call check_close('widths: factors of their own', fit%half_width(1), &
+         hypot(12.706_wp, 19.59964_wp), 1e-6_wp)
+      call check('widths: wider than the value', fit%is_widened(1))
+      fit%held(1)%effect = [1.0_wp]
+      call check('widths: narrower than the value', .not. fit%is_widened(1))
+   end subroutine test_widths
 
    !> Air damping that has changed halfway is found by windows, and nothing where nothing has.
    subroutine test_windows()

@@ -123,9 +123,10 @@ contains
          tests%matters))
    end subroutine test_prior
 
-   !> A mass with a prior that is wrong by one standard deviation, in records that show the mass less
-   !> precisely than the prior does: the pull of the prior is no sign that the model lacks something.
-   !> Of 20 records, at most 1 % may ask for more, and two or more do in 2 of 100 such suites.
+   !> A mass with a prior that is wrong by one standard deviation, in records that show the mass
+   !> less precisely than the prior does: the pull of the prior is no sign that the model lacks
+   !> something. Of 20 records, at most 1 % may ask for more, and two or more do in 2 of 100 such
+   !> suites.
    subroutine test_free_prior()
       type(structure_t) :: structure
       type(score_test_t), allocatable :: tests(:)

@@ -336,8 +336,8 @@ contains
    end subroutine find_largest_shift
 
    !> Decides which tests matter: they are significant, by Bonferroni's correction for their number,
-   !> and a finer mesh does not reduce J by half as much or more. The residuals that such a candidate
-   !> explains are errors of the mesh, which the intervals include.
+   !> and a finer mesh does not reduce J by half as much or more. The residuals that such a
+   !> candidate explains are errors of the mesh, which the intervals include.
    subroutine decide(fit, tests)
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), intent(inout) :: tests(:)

@@ -108,8 +108,8 @@ contains
       text = trim(rounded(frequency, 4)//' '//case%units%frequency())
    end function with_unit
 
-   !> Describes which mistakes in the input may be the cause of a fit that fails: the warnings of the
-   !> records, and a first natural frequency that is far from the record's; '': none is known.
+   !> Describes which mistakes in the input may be the cause of a fit that fails: the warnings of
+   !> the records, and a first natural frequency that is far from the record's; '': none is known.
    subroutine describe_causes(case, experiments, notes, text)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
