@@ -155,6 +155,9 @@ contains
          case ('reproduce')
             if (given == 0) call bad_input(error, &
                'reproduce: found nothing, expected '//reproducible)
+         case ('report', 'plot', 'to-csv', 'studio')
+            call bad_input(error, 'found '//command//', a command of the Python package '// &
+               '(in a checkout: .venv/bin/beamid), expected '//commands_in_words())
          case default
             call or_nearest(command, command_names(), suggestion)
             call bad_input(error, 'found '//command//', expected '//commands_in_words()//suggestion)

@@ -405,8 +405,9 @@ class Fit:
         rows = [[h.name_cell(name), *(self.mark(matrix.get((name, other)), name == other)
                                       for other in names)] for name in names]
         return h.table(["", *map(h.name_cell, names)], [rows]) + h.paragraph(
-            "*Stressed*: above 0.9 in magnitude. Two parameters with such a correlation can be "
-            "changed together almost without effect on the fit; fix one of them at a known value.")
+            "*Stressed*: above 0.9 in magnitude. An error of one of these parameters is "
+            "compensated by the other. If an interval is too wide, fix the other parameter at a "
+            "known value.")
 
     @staticmethod
     def mark(number, same):

@@ -73,6 +73,7 @@ contains
       call refused('fit case.nml', 'found fit|expected identify, simulate')
       call refused('""', 'found |expected identify, simulate')
       call refused('Modes case.nml', 'found Modes|expected identify, simulate')
+      call refused('studio', 'found studio, a command of the Python package|expected identify')
       call refused('identify', 'identify: found nothing|expected a case file')
       call refused('simulate', 'simulate: found nothing|expected a case file')
       call refused('modes', 'modes: found nothing|expected a case file')

@@ -381,6 +381,7 @@ contains
       fit%free = [of_E]
       allocate (fit%quantities(1), fit%held(1))
       fit%quantities(1)%searched = 20
+      fit%statistics%samples = 10
       fit%statistics%corrected_error = [1.0_wp]
       fit%statistics%corrected_half_width = [12.706_wp]
       fit%held(1)%effect = [10.0_wp]

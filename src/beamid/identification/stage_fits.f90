@@ -181,11 +181,13 @@ contains
    end function total
 
    !> Tells whether the errors of fixed parameters or a drift make the interval of quantity k wider
-   !> than its value, which noise alone does not.
+   !> than its value, which noise alone does not. A fit without degrees of freedom has no intervals.
    pure logical function is_widened(self, k)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
 
+      is_widened = .false.
+      if (self%statistics%samples == 0) return
       associate (value => abs(self%quantities(k)%searched))
          is_widened = self%statistics%corrected_half_width(k) < value .and. &
             self%half_width(k) >= value

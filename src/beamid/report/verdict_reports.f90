@@ -16,8 +16,8 @@ module beamid_verdict_reports
 
    public :: verdict_summary, add_verdict_tables, determination
 
-   !> Two parameters whose correlation exceeds `too_close` cannot be told apart. A fit that explains
-   !> less than `good_percent` of a record, with residuals that are not white, is a poor fit.
+   !> A correlation beyond `too_close` is worth a sentence. A fit that explains less than
+   !> `good_percent` of a record, with residuals that are not white, is a poor fit.
    real(wp), parameter :: too_close = 0.999_wp, good_percent = 90
    !> Ratio of variances from which residuals that exceed a known noise are worth a sentence: noise
    !> that was estimated from averages is itself uncertain by some per cent.
@@ -172,9 +172,9 @@ contains
          do k = j + 1, n
             ! Correlated coefficients of a field are no problem, as its smoothing determines them.
             if (is_coefficient(fit%free(j)) .and. is_coefficient(fit%free(k))) cycle
-            if (abs(fit%statistics%correlation(j, k)) > too_close) line = &
+            if (abs(fit%statistics%correlation(j, k)) > too_close) line = 'the errors of '// &
                trim(fit%quantities(j)%name)//' and '//trim(fit%quantities(k)%name)// &
-               ' cannot be told apart: their correlation is '//to_text(fit%correlation(j, k))
+               ' go together: their correlation is '//to_text(fit%correlation(j, k))
          end do
       end do
       if (line /= '') return
