@@ -290,7 +290,8 @@ def test_mistakes_before_the_fit(tab, example, tmp_path):
     describe(tab)
     tab.locator(".modes figure").first.wait_for(timeout=WAIT)
     for name, text, unit, words in MISTAKES:
-        usual = tab.locator(f".field:has([data-field={name}]) .q-field__append").inner_text()
+        usual = tab.locator(f".field:has([data-field={name}]) .q-field__append "
+                            ".q-field__native").inner_text()
         before = tab.input_value(f"[data-field={name}]")
         tab.fill(f"[data-field={name}]", text)
         if unit != usual.strip():
@@ -689,7 +690,8 @@ def test_records_of_frequencies(tab, server, tmp_path):
                                         "6.33,0.02,0.0027,0.001\n40.9,0.1,0.004,0.001\n")
     upload(tab, tmp_path / "modes.csv", "further")
     tab.get_by_text("2, 6.33 to 40.9 Hz").wait_for(timeout=WAIT)
-    tab.wait_for_timeout(1500)
+    tab.wait_for_function("""[...document.querySelectorAll('.js-plotly-plot')].filter(
+        (one) => one.offsetParent)[0]._fullData.length === 6""", timeout=WAIT)
     shown = tab.evaluate("""[...document.querySelectorAll('.js-plotly-plot')].filter(
         (one) => one.offsetParent)[0]._fullData.map((one) => [one.name, [...one.y],
         one.error_y?.array && [...one.error_y.array]])""")
