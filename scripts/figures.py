@@ -415,7 +415,10 @@ def intervals(methods, title):
     figure.update_yaxes(tickvals=[-k for k in range(len(methods))],
                         ticktext=[method[0] for method in methods], showgrid=False,
                         range=[0.6 - len(methods), 0.6])
-    figure.update_xaxes(range=[low - 1.5 * room, high + 1.5 * room], nticks=5)
+    # Numbers that agree in many digits are long: few of them have room without being turned.
+    is_narrow = high - low < 1e-3 * max(abs(low), abs(high))
+    figure.update_xaxes(range=[low - 1.5 * room, high + 1.5 * room],
+                        nticks=3 if is_narrow else 5, tickangle=0)
     return figure
 
 

@@ -23,6 +23,8 @@ SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("fixed parameters"
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
+#: Beginnings of sentences that limit a good result.
+RESERVATIONS = ("residuals are NOT white", "not in these intervals")
 CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",
           "interpolated": "Between the samples, the model's curve is a band-limited interpolation.",
           "samples": "Straight lines join the model's values at the samples."}
@@ -58,7 +60,10 @@ def value(row, column):
 class Fit:
     """A fit in an output folder, of the last stage on the finest mesh."""
 
-    def __init__(self, outputs):
+    def __init__(self, outputs, preferred=None):
+        """Reads the fit; `preferred` has the unit and its power of ten for each parameter that is
+        not shown in the unit of the case."""
+        self.preferred = preferred or {}
         self.outputs, self.folder = outputs, outputs.folder
         self.units = outputs.units
         self.elements, rows = list(p.last_stage(self.folder).items())[-1]
@@ -94,8 +99,12 @@ class Fit:
             or "another minimum" in line for line in lines)
         failed = first.startswith("no fit")
         points = [h.shortened(line) for line in dict.fromkeys(lines)]
-        return (h.box("good" if good else "bad" if failed else "", first if failed else headline,
-                      points) + self.quality_table())
+        if good:    # a green box holds no reservation
+            limits = [point for point in points if point.startswith(RESERVATIONS)]
+            return (h.box("good", headline, [point for point in points if point not in limits])
+                    + h.box("", "Reservations", limits) * bool(limits) + self.quality_table())
+        return h.box("bad" if failed else "", first if failed else headline,
+                     points) + self.quality_table()
 
     def headline(self):
         """Returns the share of the signal that is explained. Of modes alone, a share would say
@@ -171,10 +180,12 @@ class Fit:
             if not any(end is not None for end in total):
                 total = noise
             power = h.common_power([estimate, *(end for end in total if end)])
+            unit = h.scaled_unit(power, row["unit"])
+            unit, power = self.preferred.get(row["parameter"], (unit, power))
             shown, around = h.measured(estimate, *total, power)
             fine = h.measured(estimate, *noise, power)[1]
             rows.append([h.name_cell(row["parameter"]), shown, around,
-                         h.Raw(h.scaled_unit(power, row["unit"])), fine, row["determined"] or ""])
+                         h.Raw(unit), fine, row["determined"] or ""])
         note = h.paragraph("The first interval includes every source of error that the case "
                            "states, the second only the noise of the record. Both are valid only "
                            "if the model is right. Numbers are rounded to the digits that their "
@@ -425,7 +436,8 @@ class Fit:
                 *[("frf", "Frequency responses", text)
                   for text in [self.frequency_responses()] if text],
                 *[("beyond", "Beyond linear theory", text)
-                  for text in [intervals(self.outputs, self.elements, self.main)] if text],
+                  for text in [intervals(self.outputs, self.elements, self.main,
+                                          self.preferred)] if text],
                 *[("windows", "Windows of the record", text)
                   for text in [self.windows()] if text],
                 *[("minima", "Minima", text) for text in [self.minima()] if text],
@@ -486,10 +498,11 @@ def shapes(outputs):
 
 # -- intervals of profile, sample and bootstrap
 
-def intervals(outputs, elements=None, fit_rows=()):
+def intervals(outputs, elements=None, fit_rows=(), preferred=None):
     """Returns the section on what profile, sample and bootstrap have found; empty without one.
 
-    `fit_rows` are the rows of the fit in the same folder, with which the intervals must agree.
+    `fit_rows` are the rows of the fit in the same folder, with which the intervals must agree;
+    `preferred` is that of `Fit`.
     """
     found = plot_intervals.Found(outputs.folder, elements)
     if not found.anything() or not found.rows:
@@ -500,7 +513,7 @@ def intervals(outputs, elements=None, fit_rows=()):
                                                                 rel_tol=1e-12):
             return h.paragraph("`intervals.csv` belongs to another fit than `estimates.csv`: "
                                "repeat `profile`, `sample` or `bootstrap`.")
-    text = interval_table(found) + interval_figures(found)
+    text = left_out(outputs) + interval_table(found, preferred or {}) + interval_figures(found)
     if found.profiles:
         text += profiles(found)
     if found.draws or found.resampled:
@@ -514,6 +527,15 @@ def intervals(outputs, elements=None, fit_rows=()):
     return text
 
 
+def left_out(outputs):
+    """Returns a box with the program's sentences on errors that intervals do not include."""
+    texts = [p.read_text(outputs.folder / name) for name in ("intervals.txt", "summary.txt")
+             if outputs.has(name)]
+    lines = [line for text in texts for line in unwrapped(text)
+             if line.startswith(("these intervals do not include", "not in these intervals"))]
+    return h.box("", "Errors that these intervals leave out", dict.fromkeys(lines)) * bool(lines)
+
+
 def methods_of(found):
     """Returns the methods that have intervals."""
     return [method for method in plot_intervals.METHODS
@@ -525,7 +547,7 @@ def parameters_of(found):
     return list(dict.fromkeys(row["parameter"] for row in found.rows))
 
 
-def interval_table(found):
+def interval_table(found, preferred):
     """Returns a table with a row for each parameter and a column for each method."""
     methods = methods_of(found)
     rows = []
@@ -533,10 +555,11 @@ def interval_table(found):
         known = [found.interval(method, name) for method in methods]
         ends = [end for interval in known if interval for end in interval.ends]
         power = h.common_power(ends)
+        unit, power = preferred.get(name, (h.scaled_unit(power, found.unit(name)), power))
         decimals = [h.decimals_of(*interval.ends, power) for interval in known if interval]
         finest = max((number for number in decimals if number is not None), default=None)
         rows.append([h.name_cell(name), *(told(interval, finest, power) for interval in known),
-                     h.Raw(h.scaled_unit(power, found.unit(name)))])
+                     h.Raw(unit)])
     note = ("*Linear theory* approximates J by a parabola. The *profile* fits all other parameters "
             "again at each value of one; an end may be a bound (b), or may not exist. The "
             "*posterior* weighs all values that agree with the record. The *bootstrap* fits "

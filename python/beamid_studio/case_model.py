@@ -17,6 +17,9 @@ ORDER = ("units", "beam", "end", "tip", "mass", "sensor", "support", "hose", "gr
 STRUCTURE = ("units", "beam", "end", "tip", "mass", "sensor", "support", "hose", "gravity", "axial",
              "along", "discretization")
 
+#: A value of a case: its group, the number of the group or the parameter of a prior, and its key.
+Input = tuple[str, str, str]
+
 
 def number_text(text: str, factor: str = "1", divide: bool = False) -> str | None:
     """Return a number as a case file has it, multiplied or divided exactly by a factor of a unit.
@@ -155,6 +158,19 @@ class Case:
             keys = self.add("prior")
             keys["parameter"] = [quoted(parameter)]
         keys["sd"] = [sd]
+
+    def inputs(self) -> dict[Input, tuple[str, ...]]:
+        """Return the values of every key; equal numbers are equal texts, in whatever order."""
+        found: dict[Input, tuple[str, ...]] = {}
+        for name in {name for name, _ in self.groups}:
+            for k, keys in enumerate(self.all(name), 1):
+                which = str(k)
+                if name == "prior":
+                    which = " of record ".join(cases.unquoted(keys[key]) for key in
+                                               ("parameter", "record") if key in keys)
+                for key, values in keys.items():
+                    found[name, which, key] = tuple(number_text(one) or one for one in values)
+        return found
 
     def text(self, only: tuple[str, ...] | None = None, comment: str = "") -> str:
         """Return the case file.

@@ -14,7 +14,7 @@ import cases
 import numpy as np
 import signals
 
-from beamid_studio.case_model import STRUCTURE, Case
+from beamid_studio.case_model import STRUCTURE, Case, number_text
 from beamid_studio.records import Record
 
 #: A field of the page: group and key of the case file.
@@ -55,6 +55,7 @@ class Found:
     damping: np.ndarray = field(default_factory=lambda: np.empty(0))
     x: np.ndarray | None = None
     shapes: np.ndarray | None = None    #: (modes, points), complex if damped
+    mass_effect: float = 0.0    #: relative change of E by an error in the mass of the sensor
     remarks: list[Remark] = field(default_factory=list)
 
     @property
@@ -84,6 +85,7 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
         place = (GROUPS[first[1]], first[1].lower())
     else:
         place = next((where for words, where in CONCERNS if words in text), place)
+    text = ADVICE.sub(r"estimate \1", text)
     return Remark(text[:1].upper() + text[1:] if re.match(r"[a-z]+[ :,]", text) else text, place,
                   kind, advice[1] if advice else "")
 
@@ -107,6 +109,27 @@ def modes_of(case: Case, folder: Path, found: Found) -> None:
     found.damping = modes.damping_ratios[oscillates]
     if "shapes.csv" in modes.tables:
         found.x, found.shapes = modes.x, modes.shapes
+
+
+#: Error of a sensor's mass, relative to it, whose effect tells whether the mass must be known well,
+#: and the effect on E from which it counts: half of that of 1 mm in a length of 200 mm.
+MASS_ERROR, LEAST_EFFECT = 0.1, 0.005
+
+
+def mass_effect(case: Case, folder: Path, found: Found) -> None:
+    """Add by how much an error of the sensor's mass moves E, which keeps the first frequency.
+
+    Nothing is added if the mass is estimated, or has a standard deviation.
+    """
+    mass = number_text(case.get("sensor", "m_s") or "0")
+    if (case.prior("m_S") or "m_s" in {name.lower() for name in case.free} or not mass
+            or len(case.all("sensor")) != 1 or float(mass) <= 0 or not found.frequencies.size):
+        return
+    heavier, after = case.copy(), Found()
+    heavier.set("sensor", "m_s", repr((1 + MASS_ERROR) * float(mass)))
+    modes_of(heavier, folder, after)
+    if after.frequencies.size:
+        found.mass_effect = float((found.frequencies[0] / after.frequencies[0])**2 - 1)
 
 
 #: A structure in place of one that is not complete: only the samples are of interest then. Its
@@ -171,12 +194,16 @@ def samples_used(trial: Case, folder: Path, record: Record, found: Found,
     path = folder / "check.nml"
     trial.add("excitation").update(kind=["'free'"], modes=["1"])
     trial.add("stage").update(free=["'offset'"], start=["'case'"])
-    key = trial.text(("record",))
-    try:
+
+    def times() -> np.ndarray:
+        key = trial.text(("record",))
         if key not in used:
             path.write_text(trial.text(), encoding="utf-8")
             used[key] = beamid.load(path).fit(judge=False).t
-        t = used[key]
+        return used[key]
+
+    try:
+        t = times()
     except beamid.BeamidError as error:
         if is_free:
             add_errors(error, found)
@@ -185,6 +212,19 @@ def samples_used(trial: Case, folder: Path, record: Record, found: Found,
         path.unlink(missing_ok=True)
     if not t.size:
         return None
+    if is_free and record.get("t_first"):
+        trial.chosen = 0
+        trial.set("record", "t_first", None)
+        try:
+            onset = float(times()[0])
+        except (beamid.BeamidError, IndexError):    # before the window there is no more to say
+            onset = -np.inf
+        finally:
+            path.unlink(missing_ok=True)
+        if t[0] < onset and onset > record.t[0]:
+            found.remarks.append(Remark(
+                f"The motion begins at {onset:.6g} s; the window begins before it. Begin at "
+                f"{onset:.6g} s or later.", ("record", "t_first")))
     window = np.count_nonzero((record.t >= t[0]) & (record.t <= t[-1]))
     if "thin" not in record.keys and window > t.size:
         found.remarks.append(Remark(

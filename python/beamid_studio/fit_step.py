@@ -6,7 +6,7 @@ from typing import Any
 import page as h
 from nicegui import background_tasks, ui
 
-from beamid_studio import results
+from beamid_studio import checks, results
 from beamid_studio.motion import MotionPanel
 from beamid_studio.session import Result
 from beamid_studio.widgets import DENSITIES, LENGTHS, MASSES, MODULI, panel
@@ -45,6 +45,7 @@ class FitStep:
             self.show_choices()
 
         studio.refresh_choices = refresh
+        studio.redraws["fit"] = self.draw
         studio.listeners.append(self.loaded)
         self.loaded()
 
@@ -54,9 +55,10 @@ class FitStep:
         """Build the list of what is estimated and known."""
         number = self.studio.number
         with panel("Estimated and known", "Tick what the fit estimates. State the standard "
-                   "deviation of what you have measured: the intervals then include it."):
+                   "deviation of what you have measured: the intervals then include it. A preset "
+                   "is a guess of the page. An empty field counts as exactly known."):
             with ui.element("div").classes("choices"):
-                for text in ("", "parameter", "known to ±"):
+                for text in ("", "parameter", "standard deviation"):
                     ui.label(text).classes("head")
                 for name, meaning, units in OFFERED:
                     self.boxes[name] = ui.checkbox(on_change=self.take_choices).props(
@@ -135,6 +137,15 @@ class FitStep:
         self.motion.show()
         self.results.show_all()
 
+    def draw(self) -> None:
+        """Redraw what follows the input: a hint at the sensor's mass, and the mark of a result."""
+        effect, hint = self.session.found.mass_effect, ""
+        if effect > checks.LEAST_EFFECT and "E" in self.session.case.free:
+            hint = ("Without a standard deviation, the mass counts as exactly known. An error of "
+                    f"{checks.MASS_ERROR:.0%} would move E by {effect:.1%}.").replace("%", " %")
+        self.studio.tells["stage", "m_s"].suggest(hint)
+        self.results.redraw()
+
     def show_progress(self) -> None:
         """Show whether a job is running, and what the program has said last."""
         running = self.session.is_busy
@@ -191,8 +202,7 @@ class FitStep:
         if result is None:
             page.results.notify("The fit was cancelled.")
             return
-        page.place_remarks(result.remarks or (
-            [results.error_remark(result)] if result.error else []))
+        page.show_found()
         await page.results.show_new(result)
 
     async def cancel(self) -> None:

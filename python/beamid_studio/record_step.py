@@ -459,7 +459,7 @@ class RecordStep:
         """Say where the program sees the motion begin."""
         onset = self.session.record.onset
         self.proposal.clear()
-        if onset is None:
+        if onset is None or self.session.record.get("t_first"):
             return
         with self.proposal, ui.element("div").classes("tell note"):
             ui.label(f"The motion begins at {onset:.6g} s. The fit starts there, unless you set "

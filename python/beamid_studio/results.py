@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import html
 import json
+import math
 import re
 from collections.abc import Callable
 from typing import Any
@@ -20,26 +21,51 @@ from nicegui import background_tasks, ui
 from output_folder import Outputs
 from program import Failure
 
-from beamid_studio import checks, drawing
-from beamid_studio.case_model import quoted
+from beamid_studio import checks, differences, drawing
+from beamid_studio.case_model import Case, quoted
 from beamid_studio.session import Result
+from beamid_studio.widgets import in_si
 
 FIGURE = re.compile(r'<figure class="plot">.*?<script type="application/json">(.*?)</script>(.*?)'
                     r"</figure>", re.S)
 CAPTION = re.compile(r"<figcaption>(.*?)</figcaption>", re.S)
-#: Commands that add intervals to a fit, with what the button says.
-FURTHER = {"profile": "Profile", "sample": "Sample", "bootstrap": "Bootstrap"}
+#: Commands that go on from a fit, with what each does.
+FURTHER = {
+    "profile": "Fits all other parameters again at each of many values of one. The interval ends "
+               "where the residuals become larger than noise explains.",
+    "sample": "Draws sets of parameters that agree with the record. The interval contains 95 % of "
+              "the draws.",
+    "bootstrap": "Fits many records that are made of the model and resampled residuals. The "
+                 "interval contains 95 % of their estimates.",
+    "track": "Fits one window of the record after the other. A figure shows how a parameter "
+             "changes with time."}
+#: The part of a result that a command adds.
+ADDED = {command: "Track" if command == "track" else "Beyond linear theory" for command in FURTHER}
 
 
-def error_remark(result: Result) -> checks.Remark:
-    """Return the program's last line about a fit that failed."""
-    return checks.remark_of(result.error, "error")
+def chosen_units(studio: Any, result: Result) -> dict[str, tuple[str, int]]:
+    """Return the units that the user has chosen for parameters of a fit, with their powers of ten.
+
+    The others keep the unit of the case: an inch is no power of ten, and the fields of a case in
+    other units than m, kg, N and s have none to choose from.
+    """
+    if not in_si(Case(result.case)):
+        return {}
+    fields = {one.place: one.unit for one in studio.numbers if not one.sd}
+    powers = {name: (fields[place][0], math.log10(float(fields[place][1])))
+              for name, group in checks.GROUPS.items()
+              if (place := (group, name.lower())) in fields}
+    return {name: (unit, round(power)) for name, (unit, power) in powers.items()
+            if power and power == round(power)}
 
 
-def sections_of(result: Result) -> list[tuple[str, str]]:
-    """Return the parts of a result as headings and HTML; the first has no heading."""
+def sections_of(result: Result, units: dict[str, tuple[str, int]]) -> list[tuple[str, str]]:
+    """Return the parts of a result as headings and HTML; the first has no heading.
+
+    units  of parameters that are not shown in the unit of the case
+    """
     outputs = Outputs(result.folder)
-    fit = fit_page.Fit(outputs)
+    fit = fit_page.Fit(outputs, units)
     parts = [("", fit.verdict() + fit.estimates())]
     parts += [(heading, text) for name, heading, text in fit.sections() if name != "estimates"]
     if (result.folder / "track" / "manifest.txt").exists():
@@ -76,12 +102,19 @@ class Results:
         self.figures: list[tuple[Any, dict[str, Any]]] = []
         self.dark = studio.dark
         self.shown = 0
+        self.outdated: Any = None    #: the sentence above a result of other inputs
         self.box = ui.element("div").classes("views fits")
-        studio.redraws["fit"] = self.recolour
         self.show_all()
 
-    def recolour(self) -> None:
-        """Redraw the figures if the page has changed between light and dark."""
+    def redraw(self) -> None:
+        """Say whether the case has changed since the fit, and follow the colours of the page."""
+        result = next((one for one in self.session.results if one.number == self.shown), None)
+        if self.outdated is not None and result is not None:
+            changed = differences.sentence(self.studio, result)
+            self.outdated.text = changed and (
+                f"Outdated: the inputs of {result.name} are not those of the case now: {changed}. "
+                "Run the fit again.")
+            self.outdated.set_visibility(bool(changed))
         if self.dark != self.studio.dark:
             self.dark = self.studio.dark
             for chart, spec in self.figures:
@@ -98,13 +131,17 @@ class Results:
                 return
         background_tasks.create(self.show_new(self.session.results[-1]), name="show")
 
-    async def show_new(self, result: Result) -> None:
-        """Show a fit, below a list of all fits."""
+    async def show_new(self, result: Result, added: str = "") -> None:
+        """Show a fit, below a list of all fits.
+
+        added  heading of a part that has been added, which is opened and scrolled to
+        """
         self.shown = result.number
         error, parts, modes = "", [], ""
         if result.has_outputs:
             try:
-                parts = await asyncio.to_thread(sections_of, result)
+                parts = await asyncio.to_thread(sections_of, result,
+                                                chosen_units(self.studio, result))
                 modes = await asyncio.to_thread(mode_pictures, result)
             except Failure as failure:
                 error = failure.message
@@ -114,18 +151,24 @@ class Results:
         self.box.clear()
         with self.box:
             self.fit_list(result)
+            self.outdated = ui.label("").classes("tell").props("data-field=outdated")
+            self.studio.draw_now()
+            self.redraw()
             if error or not parts:
-                remark = checks.Remark(error, kind="error") if error else error_remark(result)
-                ui.label(remark.text or "The fit failed.").classes("tell error")
+                texts = [error] if error else [self.studio.located(remark)
+                                               for remark in result.remarks]
+                for text in texts or ["The fit failed."]:
+                    ui.label(f"{result.name.capitalize()} was refused. {text}" if not error else
+                             text).classes("tell error")
                 return
             self.actions(result)
             for heading, text in parts:
                 if not heading:
                     self.components(text)
                     continue
-                self.unfolding(heading, text, modes if heading == "Modes" else "")
+                self.unfolding(heading, text, modes if heading == "Modes" else "", added)
 
-    def unfolding(self, heading: str, text: str, above: str) -> None:
+    def unfolding(self, heading: str, text: str, above: str, added: str) -> None:
         """Show a section on demand; its figures are drawn when it is opened for the first time."""
         def fill(opened: bool) -> None:
             if opened and not list(box.default_slot.children):
@@ -134,19 +177,26 @@ class Results:
                         ui.html(above, sanitize=False).classes("w-full")
                     self.components(text)
 
-        opened = heading == "Record and model"
-        with ui.expansion(heading, value=opened, on_value_change=lambda event: fill(event.value)
-                          ).classes("w-full").props("header-class='title' dense-toggle") as box:
+        opened = heading == (added or "Record and model")
+        box = ui.expansion(heading, value=opened,
+                           on_value_change=lambda event: fill(event.value))
+        with box.classes("w-full part").props("header-class='title' dense-toggle"):
             fill(opened)
+        if added == heading:
+            self.studio.client.run_javascript(
+                f"setTimeout(() => getHtmlElement({box.id})?.scrollIntoView(), 200)")
 
     def fit_list(self, result: Result) -> None:
         """Show a button for each fit, and one for the comparison."""
         with ui.element("div").classes("bar"):
             for other in self.session.results:
-                ui.button(other.name.capitalize(), on_click=lambda _, other=other:
-                          self.show_new(other)).props(
-                    f"{'unelevated' if other is result else 'outline'} dense no-caps "
-                    f"padding='2px 12px' data-fit={other.number}")
+                refused, chosen = other.is_refused, other is result
+                ui.button(other.name.capitalize() + ", refused" * refused,
+                          on_click=lambda _, other=other: self.show_new(other),
+                          color=("negative" if chosen else None) if refused else "primary").props(
+                    f"{'unelevated' if chosen else 'outline'} dense no-caps "
+                    f"padding='2px 12px' data-fit={other.number} {'icon=block' * refused}"
+                    ).classes("refused" * (refused and not chosen))
             if len(self.session.results) > 1:
                 ui.button("Compare", on_click=self.compare).props(
                     f"{'unelevated' if result is None else 'outline'} dense no-caps "
@@ -191,13 +241,14 @@ class Results:
     def actions(self, result: Result) -> None:
         """Show what can be done with a fit."""
         with ui.element("div").classes("bar"):
-            for command, label in FURTHER.items():
-                ui.button(label, on_click=lambda _, command=command:
-                          self.infer(command, result, "")).props(
-                    f"outline dense no-caps padding='2px 12px' data-go={command}")
-            ui.button("Track", on_click=lambda: self.ask_track(result)).props(
-                "outline dense no-caps padding='2px 12px' data-go=track")
-            ui.button("Download report", on_click=lambda: self.download_report(result)).props(
+            for command, meaning in FURTHER.items():
+                with ui.button(command.capitalize(), on_click=lambda _, command=command: (
+                        self.ask_track(result) if command == "track" else
+                        self.infer(command, result, ""))).props(
+                        f"outline dense no-caps padding='2px 12px' data-go={command}"):
+                    ui.tooltip(meaning).classes("meaning-tip")
+            ui.button(f"Report of {result.name}",
+                      on_click=lambda: self.download_report(result)).props(
                 "unelevated dense no-caps padding='2px 12px' data-go=report")
 
     async def infer(self, command: str, result: Result, extra: str) -> None:
@@ -208,12 +259,12 @@ class Results:
             if page is None:
                 return
             if error:
-                page.results.notify("Cancelled." if error == "cancelled" else
-                                    checks.remark_of(error).text, multi_line=True,
+                page.results.notify("Cancelled." if error == "cancelled" else " ".join(
+                    checks.remark_of(line).text for line in error.splitlines()), multi_line=True,
                                     close_button="Close",
                                     type="info" if error == "cancelled" else "negative")
                 return
-            await page.results.show_new(result)
+            await page.results.show_new(result, ADDED[command])
 
         await self.work(job())
 
@@ -261,25 +312,35 @@ class Results:
 
     def compare(self) -> None:
         """Show the estimates of all fits side by side."""
-        self.shown = 0
+        self.shown, self.outdated = 0, None
         self.figures = []
         self.box.clear()
         with self.box:
             self.fit_list(None)    # type: ignore[arg-type]
-            ui.html(comparison([result for result in self.session.results if result.has_outputs]),
+            fits = [result for result in self.session.results if result.has_outputs]
+            units = chosen_units(self.studio, fits[-1]) if fits else {}
+            ui.html(comparison(fits, differences.table(self.studio, fits), units),
                     sanitize=False).classes("report")
 
 
-def comparison(results: list[Result]) -> str:
-    """Return a table with a row for each parameter and a column for each fit."""
+def comparison(results: list[Result], inputs: list[list[str]],
+               units: dict[str, tuple[str, int]]) -> str:
+    """Return a table with a row for each parameter and a column for each fit.
+
+    inputs  rows of the inputs in which the fits differ
+    units   of parameters that are not shown in the unit of the case
+    """
     fits = [fit_page.Fit(Outputs(result.folder)) for result in results]
     names = list(dict.fromkeys(row["parameter"] for fit in fits for row in fit.main))
     rows = [["", *(result.name for result in results)]]
     for name in names:
         found = [next((row for row in fit.main if row["parameter"] == name), None) for fit in fits]
         known = [fit_page.value(row, "estimate") for row in found if row]
-        power = h.common_power([value for value in known if value is not None])
-        unit = next((h.scaled_unit(power, row["unit"]) for row in found if row), "")
+        if name in units:
+            unit, power = units[name]
+        else:
+            power = h.common_power([value for value in known if value is not None])
+            unit = next((h.scaled_unit(power, row["unit"]) for row in found if row), "")
         cells = []
         for row in found:
             if row is None:
@@ -287,7 +348,9 @@ def comparison(results: list[Result]) -> str:
                 continue
             low, high = (fit_page.value(row, f"total_{end}95") for end in ("lower", "upper"))
             value, around = h.measured(fit_page.value(row, "estimate"), low, high, power)
-            cells.append(h.Raw(f"{h.rich(value)}<br><small>{h.rich(around)}</small>"))
+            determined = {"yes": "determined", "no": "not determined"}.get(row["determined"], "")
+            cells.append(h.Raw(f"{h.rich(value)}<br><small>{h.rich(around)}"
+                               f"<br>{determined}</small>"))
         rows.append([h.Raw(f"{h.symbol(name)} <span class='unit'>{html.escape(unit)}</span>"),
                      *cells])
     rows.append(["explained", *(", ".join(f"{p.number(row, 'fit_percent'):.2f} %"
@@ -301,4 +364,7 @@ def comparison(results: list[Result]) -> str:
     verdicts = "".join(f"<h3>{html.escape(result.name.capitalize())}</h3>"
                        + fit.verdict().replace(fit.quality_table(), "")
                        for result, fit in zip(results, fits))
-    return h.table(rows[0], [rows[1:]]) + verdicts
+    differ = [[h.Raw(html.escape(text)) for text in row] for row in inputs]
+    return (h.table(rows[0], [rows[1:]]) + "<h3>Inputs that differ</h3>\n"
+            + (h.table(rows[0], [differ], wrap=range(1, len(rows[0]))) if differ else
+               h.paragraph("None.")) + verdicts)

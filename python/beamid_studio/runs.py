@@ -79,9 +79,9 @@ class Run:
 
     @property
     def error(self) -> str:
-        """The last line of the program that says what is wrong."""
+        """The lines of the program that say what is wrong."""
         said = [line for line in self.lines if line.startswith("beamid:")]
-        return said[-1] if said else self.lines[-1] if self.lines else ""
+        return "\n".join(said or self.lines[-1:])
 
 
 def progress_text(line: str) -> str:

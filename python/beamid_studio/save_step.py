@@ -10,6 +10,7 @@ import cases
 import page as h
 from nicegui import ui
 
+from beamid_studio import differences
 from beamid_studio.session import Session
 from beamid_studio.widgets import panel
 
@@ -48,11 +49,10 @@ def build(studio: Any) -> None:
         ui.download.file(path, f"{session.folder.name}.zip")
 
     async def report() -> None:
-        result = next((one for one in reversed(session.results) if one.has_outputs), None)
-        if result is None:
+        if session.latest is None:
             ui.notify("Run a fit first.", type="warning")
             return
-        await studio.results.download_report(result)
+        await studio.results.download_report(session.latest)
 
     def code(text: str, name: str) -> None:
         with ui.element("div").classes("field"):
@@ -67,8 +67,9 @@ def build(studio: Any) -> None:
                 with ui.row().classes("gap-2"):
                     ui.button("Case with its records", on_click=download).props(
                         "unelevated dense no-caps padding='xs md' data-go=case")
-                    ui.button("Report", on_click=report).props(
+                    of_fit = ui.button("Report", on_click=report).props(
                         "outline dense no-caps padding='xs md' data-go=last-report")
+                differs = ui.label("").classes("tell").props("data-field=differs")
                 where = ui.label("").classes("lead")
             with panel("Repeat on the command line", "In the folder of the case:"):
                 code(COMMANDS, "commands")
@@ -76,11 +77,28 @@ def build(studio: Any) -> None:
                 code(SNIPPET, "snippet")
         with ui.element("div").classes("views"):
             ui.label("Case file").classes("title")
+            refused = ui.column().classes("w-full gap-1").props("data-field=refused")
             text = ui.html("", sanitize=False).classes("w-full").props("data-field=case")
 
     def draw() -> None:
         text.set_content(h.preformatted(session.case_text()).replace("<pre>",
                                                                      '<pre class="code">'))
+        latest = session.latest
+        of_fit.text = f"Report of {latest.name}" if latest else "Report"
+        changed = differences.sentence(studio, latest) if latest else ""
+        differs.text = changed and (f"The report is of {latest.name}, whose inputs are not those "
+                                    f"of the case: {changed}. Run the fit again for a report of "
+                                    "the case.")
+        differs.set_visibility(bool(changed))
+        refused.clear()
+        errors = [remark for remark in session.found.remarks if remark.kind == "error"]
+        if not errors and session.results and session.results[-1].is_refused and not (
+                session.changes(session.results[-1])):
+            errors = session.results[-1].remarks
+        with refused:
+            for remark in errors:
+                ui.label(f"The program refuses this case. {studio.located(remark)}").classes(
+                    "tell error")
         where.text = f"Everything is also in {session.folder}." if session.folder else ""
 
     studio.redraws["save"] = draw

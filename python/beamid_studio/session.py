@@ -12,8 +12,8 @@ import cases
 import numpy as np
 
 from beamid_studio import recordings, runs
-from beamid_studio.case_model import Case, quoted
-from beamid_studio.checks import Found, Remark, verdict_remarks
+from beamid_studio.case_model import Case, Input, quoted
+from beamid_studio.checks import Found, Remark, remark_of, verdict_remarks
 from beamid_studio.records import Force, Record
 
 #: A case to begin with: metres, newtons, seconds and kilograms, a free decay.
@@ -52,6 +52,11 @@ class Result:
         return f"fit {self.number}"
 
     @property
+    def is_refused(self) -> bool:
+        """Whether the program has refused the case, or failed without estimates."""
+        return not self.has_outputs
+
+    @property
     def has_outputs(self) -> bool:
         """Whether the program has written estimates."""
         return (self.folder / "estimates.csv").exists() and (self.folder / "manifest.txt").exists()
@@ -72,6 +77,8 @@ class Session:
         self.chosen_units: dict[tuple[str, ...], str] = {}    #: of the fields of the page
         self.folder: Path | None = None
         self.case = Case(NEW)
+        self.presets = {keys["parameter"][0].strip("'"): keys["sd"][0] for keys in
+                        self.case.all("prior")}    #: standard deviations that nobody has checked
         self.name = ""                   #: of the file, as the user calls it
         self.records = [Record(self.case.first("record"))]    #: of the case, in its order
         self.found = Found()
@@ -284,6 +291,16 @@ class Session:
 
     # -- fits
 
+    @property
+    def latest(self) -> Result | None:
+        """The last fit with estimates."""
+        return next((one for one in reversed(self.results) if one.has_outputs), None)
+
+    def changes(self, result: Result) -> list[Input]:
+        """Return the inputs in which the case as it stands differs from that of a fit."""
+        now, then = self.case.inputs(), Case(result.case).inputs()
+        return [place for place in {**then, **now} if now.get(place) != then.get(place)]
+
     def hear(self, line: str) -> None:
         """Show a line of the program's progress on the page."""
         self.say(runs.progress_text(line))
@@ -313,7 +330,8 @@ class Session:
             shutil.rmtree(out, ignore_errors=True)
             return None
         summary = out / "summary.txt"
-        remarks = (verdict_remarks(summary.read_text(encoding="utf-8")) if summary.exists() else [])
+        remarks = (verdict_remarks(summary.read_text(encoding="utf-8")) if summary.exists() else
+                   [remark_of(line, "error") for line in error.splitlines()] if status else [])
         result = Result(number, out, text, status, error if status else "", remarks)
         self.results.append(result)
         return result
@@ -374,6 +392,7 @@ class Session:
         for source, target in copies.items():
             shutil.copyfile(source, folder / target)
         self.case, self.name = case, path.name
+        self.presets.clear()
         self.records = [Record(keys, name=given) for keys, given in zip(records, names)]
         for record in self.records:
             record.read(folder)
@@ -389,5 +408,5 @@ class Session:
         shutil.copytree(path, out, ignore=shutil.ignore_patterns("report.html", "track"))
         summary = out / "summary.txt"
         text = summary.read_text(encoding="utf-8") if summary.exists() else ""
-        self.results.append(Result(1, out, self.case.text(), int(text.startswith("no fit")), "",
+        self.results.append(Result(1, out, self.case_text(), int(text.startswith("no fit")), "",
                                    verdict_remarks(text)))

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ class Studio:
         self.labels: dict[Field, str] = {}
         self.steps_of: dict[Field, str] = {}    #: the step that has a field
         self.badges: dict[str, ui.badge] = {}   #: how many sentences a step shows
+        self.outdated: Any = None               #: badge of the step of the fit
         self.building = "record"                #: the step whose fields are being added
         self.numbers: list[NumberField] = []
         self.spectrum: Any = None          #: of the window
@@ -70,7 +72,8 @@ class Studio:
                ) -> NumberField:
         """Add a field for a number of the case."""
         field = NumberField(lambda: self.session.case, (group, key.lower()), label, units,
-                            self.changed, chosen=self.session.chosen_units, **options)
+                            self.changed, chosen=self.session.chosen_units,
+                            presets=self.session.presets, **options)
         self.numbers.append(field)
         if not options.get("sd"):
             self.tells[field.place] = field.tells
@@ -99,11 +102,14 @@ class Studio:
     def draw_now(self) -> None:
         """Redraw what the user sees and what needs no long computation."""
         if not self.is_closed():
+            latest = self.session.latest
+            self.outdated.set_visibility(bool(latest and self.session.changes(latest)))
             self.redraws[self.session.step]()
 
     def show_step(self, name: str) -> None:
-        """Draw a step that has become visible."""
+        """Draw a step that has become visible, from its top."""
         self.session.step = name
+        self.client.run_javascript("window.scrollTo(0, 0)")
         self.draw_now()
 
     async def follow(self, version: int) -> None:
@@ -131,6 +137,7 @@ class Studio:
             if version == self.version:    # the frequencies do not wait for the record
                 session.found = replace(found)
                 self.draw_now()
+            await asyncio.to_thread(checks.mass_effect, case, folder, found)
         onset = None
         if described and not session.lacking and not found.has_errors:
             onset = await asyncio.to_thread(checks.check_fit, case, folder, record, found,
@@ -170,28 +177,67 @@ class Studio:
 
     def show_found(self) -> None:
         """Show the program's sentences at their fields, and the frequencies in the figures."""
-        latest = self.session.results[-1:] if not self.session.run else []
-        self.place_remarks([*self.session.found.remarks,
-                            *[remark for result in latest if result.case == self.session.case_text()
-                              for remark in result.remarks]])
+        found = self.session.found.remarks
+        latest = next(iter(self.session.results[-1:] if not self.session.run else []), None)
+        if latest is None or self.session.changes(latest):
+            self.place_remarks(found)
+        else:
+            # Before the fit, the page has said where the motion begins.
+            fields = {remark.field for remark in found} & {("record", "t_first")}
+            self.place_remarks([*found, *(remark for remark in latest.remarks
+                                          if remark.field not in fields)],
+                               latest.remarks if latest.is_refused else [])
         self.draw_now()
 
-    def place_remarks(self, remarks: list[Remark]) -> None:
-        """Show sentences at the fields that they concern; the others at the button of the fit."""
+    def place_of(self, remark: Remark) -> Field:
+        """Return the field at which a sentence is shown."""
+        return remark.field if remark.field in self.tells else ("stage", "all")
+
+    def worded(self, remark: Remark) -> Remark:
+        """Return a sentence with the labels of the page in place of the keys of a case file."""
+        group = self.place_of(remark)[0]
+        labels = {key: label for (_, key), label in self.labels.items() if label and "_" in key}
+        labels |= {key: label for (own, key), label in self.labels.items()
+                   if own == group and label and "_" in key}
+        if self.step_of(remark) == "fit":    # its parameters are named by their symbols
+            labels = {key: label for key, label in labels.items() if key[:2] in ("t_", "f_")}
+        return replace(remark, text=re.sub(
+            r"\b\w+_\w+\b", lambda match: f"“{labels[match[0].lower()]}”"
+            if match[0].lower() in labels else match[0], remark.text))
+
+    def step_of(self, remark: Remark) -> str:
+        """Return the step that shows a sentence."""
+        return self.steps_of.get(self.place_of(remark), "fit")
+
+    def located(self, remark: Remark) -> str:
+        """Return a sentence behind the name of its field, unless the step of the fit has it."""
+        text, step, place = self.worded(remark).text, self.step_of(remark), self.place_of(remark)
+        return (text if step == "fit" else
+                f"Step {step.capitalize()}, {self.labels.get(place) or 'the file'}: {text}")
+
+    def place_remarks(self, remarks: list[Remark], told: Sequence[Remark] = ()) -> None:
+        """Show sentences at the fields that they concern; the others at the button of the fit.
+
+        told  sentences that the result of a refused fit shows below this button
+        """
         placed: dict[Field, list[Remark]] = {}
         counts = dict.fromkeys(self.badges, 0)
+        known = {remark.text for remark in told}
+        unique: dict[tuple[Any, ...], Remark] = {}
         for remark in remarks:
+            unique.setdefault((remark.text, remark.field, remark.record), remark)
+        for remark in unique.values():
             if remark.record not in (None, self.session.case.chosen):
                 remark = replace(remark, text=f"Record {remark.record + 1}: {remark.text}",
                                  field=("record", "file"))
-            place = remark.field if remark.field in self.tells else ("stage", "all")
-            placed.setdefault(place, []).append(remark)
-            step = self.steps_of.get(place, "fit")
+            place, step = self.place_of(remark), self.step_of(remark)
             counts[step] += remark.kind != "note"
-            if remark.kind == "error" and step != "fit":
-                placed.setdefault(("stage", "all"), []).append(Remark(
-                    f"Step {step.capitalize()}, {self.labels.get(place, 'the file')}: "
-                    f"{remark.text}", kind="error"))
+            if place != ("stage", "all"):
+                placed.setdefault(place, []).append(self.worded(remark))
+            if remark.text not in known and (place == ("stage", "all") or (
+                    remark.kind == "error" and step != "fit")):
+                placed.setdefault(("stage", "all"), []).append(
+                    replace(remark, text=self.located(remark)))
         for step, badge in self.badges.items():
             badge.text = str(counts[step])
             badge.set_visibility(counts[step] > 0)
@@ -340,6 +386,10 @@ async def build(studio: Studio, first: Path | None) -> None:
                 with ui.tab(name, label).props(f'data-step="{name}"'):
                     studio.badges[name] = ui.badge("").props("color=orange-9 rounded")
                     studio.badges[name].set_visibility(False)
+                    if name == "fit":
+                        studio.outdated = ui.badge("outdated").props(
+                            "color=grey-7 rounded data-mark=outdated")
+                        studio.outdated.set_visibility(False)
         what = ui.label("").classes("what")
     builders = {"record": lambda: record_step.build(studio, lambda: tabs.set_value("beam")),
                 "beam": lambda: beam_step.build(studio, lambda: tabs.set_value("fit")),

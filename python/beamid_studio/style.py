@@ -50,12 +50,15 @@ a { color: var(--link); }
 .field .q-field__append .q-field__control { padding: 0; }
 .q-field .q-field .q-field__control:before, .q-field .q-field .q-field__control:after {
   border: 0 !important; }
+.field .q-field__append .q-select__dropdown-icon { font-size: 1.1rem; padding: 0; }
 .q-field__append .q-field__native { padding: 0; min-height: 0; }
 .q-field__native, .q-field__label { color: var(--text); }
 .q-field__label { color: var(--soft); }
 .tell { font-size: .84rem; line-height: 1.4; border-left: 3px solid var(--warn-line);
   background: var(--warn-back); color: var(--text); border-radius: 0 .3rem .3rem 0;
   padding: .35rem .6rem; width: 100%; overflow-wrap: anywhere; }
+.hint { font-size: .8rem; line-height: 1.3; color: var(--warn); }
+.part { scroll-margin-top: 4rem; } .meaning-tip { font-size: .84rem; max-width: 22rem; }
 .tell.error { border-color: var(--bad); background: var(--bad-back); }
 .tell.note { border-color: var(--blue); background: var(--panel); }
 .tell .q-btn { margin-left: .3rem; }
@@ -101,6 +104,8 @@ a { color: var(--link); }
 .choices .wide { grid-column: 1 / -1; }
 .meaning { line-height: 1.25; } .meaning small { color: var(--soft); display: block; }
 .report { width: 100%; min-width: 0; } .report figure { margin: .2rem 0 0; }
+div.report th, div.report td { padding: .22rem .5rem; } div.report table { font-size: .88rem; }
+.fits .refused { color: var(--bad); }
 .report h3 { font-weight: 620; line-height: 1.3; } .report ul { list-style: disc; }
 .report > :first-child { margin-top: 0; } .report h3:first-child { margin-top: .4rem; }
 .grid-of-figures { display: grid; gap: .6rem 1rem; width: 100%;
@@ -115,6 +120,7 @@ a { color: var(--link); }
 .q-notification { max-width: 34rem; } .js-plotly-plot .plotly .modebar { right: 2px !important; }
 @media (max-width: 1000px) { .step, .step.even { grid-template-columns: minmax(0, 1fr); }
   .what { display: none; }
+  div.report th, div.report td { padding: .2rem .35rem; } div.report table { font-size: .82rem; }
   .top { padding: 0 .8rem; } .steps .q-tab-panel { padding: 1rem .8rem 3rem; } }
 @media (max-width: 640px) { .brand small { display: none; } .top .q-tab { padding: 0 .55rem; } }
 """

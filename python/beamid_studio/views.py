@@ -18,6 +18,7 @@ COLUMNS = 900
 SEGMENTS = 80        #: columns of a spectrogram
 LEAST_SEGMENT = 64   #: samples of a segment
 MOST_SEGMENT = 4096
+TOOLS = 36           #: pixels that the tools of a figure need
 
 
 def colours(style: str) -> dict[str, str]:
@@ -43,6 +44,9 @@ def plotly(figure: Any, dark: bool) -> dict[str, Any]:
     """Return a figure of the report as the page draws it."""
     spec = figure if isinstance(figure, dict) else figure.to_plotly_json()
     spec = themed(spec, dark)
+    # The tools of a figure stand beside its curves.
+    margin = spec["layout"].get("margin", {})
+    spec["layout"]["margin"] = {**margin, "r": max(margin.get("r", 0), TOOLS)}
     spec["config"] = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": [
         "select2d", "lasso2d", "autoScale2d"]}
     return dict(spec)

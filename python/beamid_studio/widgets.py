@@ -27,7 +27,14 @@ class Tells:
 
     def __init__(self) -> None:
         self.box = ui.column().classes("w-full gap-1")
+        self.hint = ui.label("").classes("hint")    #: of the page, not of the program
+        self.hint.set_visibility(False)
         self.own = ""
+
+    def suggest(self, hint: str) -> None:
+        """Show a hint of the page; '' hides it."""
+        self.hint.text = hint
+        self.hint.set_visibility(bool(hint))
 
     def show(self, remarks: list[Remark], advise: Callable[[str], None] | None = None) -> None:
         """Show sentences in place of those before.
@@ -51,29 +58,34 @@ class NumberField:
     """A number of the case, entered in a unit of the user's choice."""
 
     def __init__(self, case: Callable[[], Case], place: Field, label: str, units: dict[str, str],
-                 changed: Callable[[], None], *, hint: str = "", sd: str = "",
-                 chosen: dict[tuple[str, ...], str] | None = None) -> None:
+                 changed: Callable[[], None], *, sd: str = "",
+                 chosen: dict[tuple[str, ...], str] | None = None,
+                 presets: dict[str, str] | None = None) -> None:
+        self.presets = {} if presets is None else presets    #: standard deviations to be checked
         self.case, self.place, self.changed = case, place, changed
         self.units, self.sd, self.muted = units, sd, False
-        self.factor = next(iter(units.values()), "1")
         self.chosen = {} if chosen is None else chosen    #: units that the user has chosen
         with ui.element("div").classes("field"):
             self.input = ui.input(label or None, on_change=self.read).props(
                 f'outlined dense {"stack-label" if label else ""} debounce=250 inputmode=decimal '
                 f'autocomplete=off data-field="{"-".join(place)}" '
                 f'aria-label="{label or "standard deviation of " + sd}"')
-            if hint:
-                self.input.props(f'hint="{hint}" hide-bottom-space')
             self.select: ui.select | None = None
             with self.input.add_slot("append"):
                 if len(units) > 1:
                     self.select = ui.select(list(units), value=self.chosen.get(
                         (*place, sd), next(iter(units))), on_change=self.read).props(
-                        "borderless dense options-dense hide-dropdown-icon aria-label='unit'")
+                        "borderless dense options-dense aria-label='unit'")
                 elif units:
                     ui.label(next(iter(units))).classes("text-xs opacity-70")
             self.tells = Tells()
         self.write()
+
+    @property
+    def unit(self) -> tuple[str, str]:
+        """The unit that is chosen, and its factor."""
+        name = str(self.select.value) if self.select else next(iter(self.units), "")
+        return name, self.units.get(name, "1")
 
     def current(self) -> str:
         """Return the value as it stands in the case."""
@@ -85,10 +97,12 @@ class NumberField:
     def write(self) -> None:
         """Show the value of the case."""
         self.muted = True
-        factor = self.units.get(self.select.value, "1") if self.select else self.factor
         raw = self.current()
-        self.input.value = (number_text(raw, factor, divide=True) or raw) if raw else ""
+        self.input.value = (number_text(raw, self.unit[1], divide=True) or raw) if raw else ""
         self.tells.own = ""
+        if self.sd:
+            is_preset = bool(raw) and self.presets.get(self.sd) == raw
+            self.tells.suggest("Preset: check it." if is_preset else "")
         self.muted = False
 
     def read(self) -> None:
@@ -98,13 +112,14 @@ class NumberField:
         text = str(self.input.value or "").strip()
         if self.select:
             self.chosen[(*self.place, self.sd)] = self.select.value
-        factor = self.units.get(self.select.value, "1") if self.select else self.factor
-        value = number_text(text, factor) if text else ""
+        value = number_text(text, self.unit[1]) if text else ""
         self.tells.own = "" if value is not None else f"Found {text[:30]}, expected a number."
         self.tells.show([])
         if value is None:
             return
         if self.sd:
+            self.presets.pop(self.sd, None)
+            self.tells.suggest("")
             self.case().set_prior(self.sd, value)
         else:
             self.case().set(*self.place, value)

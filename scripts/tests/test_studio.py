@@ -290,7 +290,8 @@ def test_mistakes_before_the_fit(tab, example, tmp_path):
     describe(tab)
     tab.locator(".modes figure").first.wait_for(timeout=WAIT)
     for name, text, unit, words in MISTAKES:
-        usual = tab.locator(f".field:has([data-field={name}]) .q-field__append").inner_text()
+        usual = tab.locator(f".field:has([data-field={name}]) .q-field__append "
+                            ".q-field__native").inner_text()
         before = tab.input_value(f"[data-field={name}]")
         tab.fill(f"[data-field={name}]", text)
         if unit != usual.strip():
@@ -689,7 +690,8 @@ def test_records_of_frequencies(tab, server, tmp_path):
                                         "6.33,0.02,0.0027,0.001\n40.9,0.1,0.004,0.001\n")
     upload(tab, tmp_path / "modes.csv", "further")
     tab.get_by_text("2, 6.33 to 40.9 Hz").wait_for(timeout=WAIT)
-    tab.wait_for_timeout(1500)
+    tab.wait_for_function("""[...document.querySelectorAll('.js-plotly-plot')].filter(
+        (one) => one.offsetParent)[0]._fullData.length === 6""", timeout=WAIT)
     shown = tab.evaluate("""[...document.querySelectorAll('.js-plotly-plot')].filter(
         (one) => one.offsetParent)[0]._fullData.map((one) => [one.name, [...one.y],
         one.error_y?.array && [...one.error_y.array]])""")
@@ -786,7 +788,10 @@ def ruler(folder):
 
 
 def test_first_user(tab, server, tmp_path):
-    """The file and the dimensions of a ruler lead to its modulus in ten actions or fewer."""
+    """The file and the dimensions of a ruler lead to its modulus in ten actions or fewer.
+
+    The page then says what a change, a preset, a refused run and a narrow interval mean.
+    """
     actions = [lambda: upload(tab, ruler(tmp_path / "ruler")),
                lambda: tab.click("[data-go=beam]"),
                lambda: tab.fill("[data-field=beam-length]", "300"),
@@ -807,6 +812,128 @@ def test_first_user(tab, server, tmp_path):
     row = dict(zip(rows[0], next(row for row in rows if "E" in row)))
     assert float(row["estimate"]) == pytest.approx(2.03e11, rel=5e-3)
     assert float(row["total_lower95"]) < 2.03e11 < float(row["total_upper95"])
+    assert tab.evaluate("scrollY") == 0    # the step of the beam was scrolled to its button
+    says_what_the_result_is(tab)
+    follows_changes(tab)
+    refuses_once(tab)
+    look(tab, "ruler")
+    compares(tab)
+    shows_what_is_added(tab)
+
+
+def says_what_the_result_is(tab):
+    """Units are those of the fields; presets are named, and what each command does."""
+    assert re.search(r"\nE\t203\t.*\tGPa\t", "\n" + tab.locator(
+        ".report:has(.bars) table").last.inner_text())
+    assert tab.get_by_text("Preset: check it.").count() == 2
+    effect = tab.get_by_text("An error of 10 % would move E by").inner_text()
+    assert 1 < float(re.search(r"by ([\d.]+) %", effect)[1]) < 4
+    for command in ("profile", "sample", "bootstrap", "track"):
+        tab.hover(f"[data-go={command}]")
+        tab.locator(".q-tooltip").get_by_text("Fits" if command != "sample" else "Draws"
+                                              ).wait_for(timeout=WAIT)
+        tab.mouse.move(700, 5)
+        tab.wait_for_selector(".q-tooltip", state="detached", timeout=WAIT)
+
+
+def follows_changes(tab):
+    """A result of other inputs is marked; a window before the motion is named at its field."""
+    mark = tab.locator("[data-mark=outdated]")
+    assert mark.is_hidden() and tab.locator("[data-field=outdated]").is_hidden()
+    tab.fill("[data-field=prior-m_s]", "0.5")
+    tab.get_by_text("Standard deviation of m_S (none, now 0.5 g)").wait_for(timeout=WAIT)
+    assert mark.is_visible() and "fit 1" in tab.locator("[data-field=outdated]").inner_text()
+    tab.get_by_text("An error of 10 % would move E by").wait_for(state="hidden", timeout=WAIT)
+    tab.fill("[data-field=prior-height]", "0.01")
+    tab.wait_for_function("[...document.querySelectorAll('.hint')].filter((one) => "
+                          "one.offsetParent).length === 1", timeout=WAIT)
+    tab.click("[data-step=save]")
+    differs = tab.locator("[data-field=differs]")
+    differs.wait_for(timeout=WAIT)
+    assert "of fit 1" in differs.inner_text() and "Height" not in differs.inner_text()
+    assert tab.locator("[data-go=last-report]").inner_text() == "Report of fit 1"
+    tab.click("[data-step=record]")
+    tab.fill("[data-field=record-t_first]", "0.5")
+    tab.locator(".field:has([data-field=record-t_first]) .tell").get_by_text(
+        "The motion begins at 1 s; the window begins before it").wait_for(timeout=WAIT)
+    tab.fill("[data-field=record-t_last]", "0.2")
+    error = tab.locator(".field:has([data-field=record-t_last]) .tell.error")
+    error.wait_for(timeout=WAIT)
+    assert "“From” = 0.5" in error.inner_text() and "t_first" not in error.inner_text()
+    tab.fill("[data-field=record-t_first]", "1.1")
+    tab.fill("[data-field=record-t_last]", "6")
+    error.wait_for(state="detached", timeout=WAIT)
+
+
+def refuses_once(tab):
+    """A refused case is named before it is saved; its run is marked, and its message shown once."""
+    tab.click("[data-step=beam]")
+    tab.fill("[data-field=beam-density]", "7.85")
+    tab.locator(".field:has([data-field=beam-density]) .tell.error").wait_for(timeout=WAIT)
+    tab.click("[data-step=save]")
+    tab.locator("[data-field=refused]").get_by_text(
+        "The program refuses this case. Step Beam, Density: Found 7.85").wait_for(timeout=WAIT)
+    fit(tab, 2)
+    assert tab.locator("[data-fit='2']").inner_text().endswith("Fit 2, refused")
+    assert tab.get_by_text("which looks like g/cm^3").locator("visible=true").count() == 1
+    tab.click("[data-fit='1']")
+    tab.locator("[data-field=outdated]").get_by_text("Density (7850 kg/m³, now 7.85 kg/m³)"
+                                                     ).wait_for(timeout=WAIT)
+    tab.click("[data-step=beam]")
+    tab.fill("[data-field=beam-density]", "7850")
+    tab.locator(".field:has([data-field=beam-density]) .tell.error").wait_for(
+        state="detached", timeout=WAIT)
+    fit(tab, 3)
+    assert tab.locator("[data-mark=outdated]").is_hidden()
+    good, limits = (tab.locator(f".report .box{kind}").first.inner_text()
+                    for kind in (".good", ":not(.good)"))
+    words = re.compile("NOT white|not in these intervals", re.I)
+    assert words.search(limits) and not words.search(good)
+
+
+def compares(tab):
+    """Fits side by side show what is determined, and the inputs that differ."""
+    tab.click("[data-go=compare]")
+    tab.get_by_text("Inputs that differ").wait_for(timeout=WAIT)
+    estimates = tab.locator(".report table").first.inner_text()
+    assert estimates.count("\ndetermined") == 8, estimates    # 4 parameters of 2 fits
+    rows = tab.locator(".report table").nth(1).inner_text()
+    for row in ("From\tnone\t1.1 s", "To\tnone\t6 s", "Standard deviation of m_S\tnone\t0.5 g",
+                "Standard deviation of height\t0.02 mm\t0.01 mm"):
+        assert row in rows, rows
+    tab.click("[data-fit='3']")
+
+
+def shows_what_is_added(tab):
+    """The result of a command is open and in view; no table of 800 pixels is cut."""
+    tab.click("[data-go=profile]")
+    box = tab.get_by_text("Errors that these intervals leave out")
+    box.wait_for(timeout=WAIT)
+    tab.wait_for_function("scrollY > 300", timeout=WAIT)
+    tab.wait_for_timeout(500)
+    assert 0 < box.bounding_box()["y"] < 900
+    tab.locator(".part").get_by_text("Modes", exact=True).click()
+    tab.get_by_text("Modes of the fitted structure").wait_for(timeout=WAIT)
+    for width in (1400, 800):
+        tab.set_viewport_size({"width": width, "height": 900})
+        tab.wait_for_timeout(700)
+        cut = tab.evaluate("[...document.querySelectorAll('.scroll')].filter((one) => "
+                           "one.clientWidth && one.scrollWidth > one.clientWidth).map("
+                           "(one) => one.innerText)")
+        assert cut == [], width
+        crossing = tab.evaluate("""[...document.querySelectorAll('.js-plotly-plot')].filter((one) =>
+            one.offsetParent && one.querySelector('.xtitle')).filter((one) => {
+                const title = one.querySelector('.xtitle').getBoundingClientRect();
+                return [...one.querySelectorAll('.xtick text')].some((tick) =>
+                    tick.getBoundingClientRect().bottom > title.top + 2); }).length""")
+        assert crossing == 0, width
+        covering = tab.evaluate("""[...document.querySelectorAll('.js-plotly-plot')].filter((one) =>
+            one.offsetParent && one.querySelector('.nsewdrag')).filter((one) =>
+                one.querySelector('.modebar').getBoundingClientRect().left < Math.max(
+                    ...[...one.querySelectorAll('.nsewdrag')].map((area) =>
+                        area.getBoundingClientRect().right))).length""")
+        assert covering == 0, width
+    look(tab, "profile")
 
 
 def test_restores_a_case(browser, example, tmp_path):
@@ -876,6 +1003,11 @@ def test_case_of_the_page():
     case.set_prior("E", None)
     assert case.text() == ("&beam    length=0.5, E=2 /\n"
                            "&along   parameter='E', x=0,1, value=1,2 /\n&stage   free='E' /\n")
+    same = Case("&prior sd=1D-3, parameter='E' / &beam E=2, length=0.50 / &stage free='E' /")
+    other = Case("&stage free='E' / &beam length=0.5, E=2.0 / &prior parameter='E', sd=0.001 /")
+    assert same.inputs() == other.inputs()
+    other.set("beam", "e", "3")
+    assert same.inputs()["beam", "1", "e"] == ("2",) != other.inputs()["beam", "1", "e"]
     case = Case("&excitation kind='free' / &excitation kind='release', force=1 / &record file='a' /"
                 "&record file='b' / &prior parameter='length', sd=1, record=2 /"
                 "&prior parameter='length', sd=2, record=1 /")
