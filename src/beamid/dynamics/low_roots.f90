@@ -112,7 +112,8 @@ contains
       type(root_t), allocatable, intent(inout) :: root(:)
       integer :: k, last, oscillating
 
-      root = root(by_size(root%s))
+      ! A loop, because gfortran would pass `root%s` as an array temporary.
+      root = root(by_size([(root(k)%s, k=1, size(root))]))
       last = 0
       oscillating = 0
       do k = 1, size(root)
