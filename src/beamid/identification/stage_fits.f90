@@ -140,8 +140,8 @@ contains
    end function from_held
 
    !> Returns the half width of the 95 % interval of quantity k from noise, fixed parameters and
-   !> drift together; `unlimited` if linear theory does not hold for it. Student's factor of few
-   !> records belongs to their scatter alone.
+   !> drift together; `unlimited` if linear theory does not hold for it, or if the fit has no degree
+   !> of freedom. Student's factor of few records belongs to their scatter alone.
    pure real(wp) function half_width(self, k)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
@@ -153,7 +153,7 @@ contains
       end if
       associate (s => self%statistics)
          half_width = unlimited
-         if (s%is_withdrawn(k)) return
+         if (s%samples == 0 .or. s%is_withdrawn(k)) return
          half_width = hypot(s%corrected_half_width(k), normal_quantile(0.975_wp)*other)
       end associate
    end function half_width
