@@ -132,14 +132,12 @@ def test_verdict_is_the_beginning_of_the_summary(fit, record):
     it."""
     head = fit.summary().partition("\n\n")[0]
     assert fit.verdict.split() == head.split()
-    assert max(map(len, fit.verdict.splitlines())) > 100 >= max(map(len, head.splitlines()))
-    first, *_, last = fit.warnings
-    assert fit.verdict.startswith(first + "\n") and fit.verdict.endswith("\n" + last)
+    last = fit.warnings[-1]
+    assert fit.verdict.endswith("\n" + last)
     assert not any(line.startswith(("record 1: 49", "mode")) for line in fit.warnings)
-    assert first.startswith("J_S, which the model leaves out") and first.endswith("to free")
     assert last.startswith("warning: mesh: ") and "  mode 2: " in fit.verdict
     for text in (repr(fit), fit._repr_html_().removeprefix("<p>")):
-        assert text.startswith(first[:60]) and ": seen" not in text
+        assert text.startswith("record 1: 49") and last[:60] in text and ": seen" not in text
     assert max(map(len, repr(fit).splitlines())) <= 100
     undetermined = [name for name in FREE if not fit[name].determined]
     assert repr(fit).count("(not determined)") == len(undetermined) > 0
@@ -148,6 +146,8 @@ def test_verdict_is_the_beginning_of_the_summary(fit, record):
         beamid.fit(record[0], record[1][::-1].copy(), free=["c_D"], **MODEL)
     rejected = caught.value.fit
     assert rejected.warnings[0] == f"no fit: {rejected.no_fit}" == rejected.verdict.split("\n")[0]
+    head = rejected.summary().partition("\n\n")[0]
+    assert max(map(len, rejected.verdict.splitlines())) > 100 >= max(map(len, head.splitlines()))
 
 
 def test_unknown_parameter(fit):
