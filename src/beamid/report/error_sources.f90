@@ -6,7 +6,7 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
-   use beamid_parameters, only: as_named, parameters
+   use beamid_parameters, only: as_named, free_index, parameters
    use beamid_priors, only: priors_of
    use beamid_statistics, only: unlimited
    use beamid_strings, only: rounded, to_text
@@ -183,26 +183,19 @@ character(len=:), allocatable :: line
       type(held_t), intent(in) :: held
       character(len=:), allocatable :: text
       real(wp) :: width
-      logical :: is_reciprocal
-      integer :: k
+      integer :: p
 
-      is_reciprocal = .false.
-      do k = 1, size(parameters)
-         if (parameters(k)%name == held%name(:scan(trim(held%name)//'.', '.') - 1)) &
-            is_reciprocal = parameters(k)%is_reciprocal
-      end do
-      if (abs(held%value) > 0) then
-         text = to_text(merge(1/held%value, held%value, is_reciprocal))//' and assumed known to '
-         if (held%factor < 2) text = text//filled('# %', [100*(held%factor - 1)])
-         if (held%factor >= 2) text = text//'a factor of '//to_text(held%factor)
-         return
-      end if
-      ! The range of a parameter that is 0 begins there, and has a width of twice 1.96 sd.
-      width = 2*normal_quantile(0.975_wp)*held%sd
-      if (is_reciprocal) then
-         text = 'inf and assumed to be at least '//to_text(1/width)
+      p = free_index(held%name(:scan(trim(held%name)//'.', '.') - 1))
+      text = to_text(as_named(p, held%value))//' and assumed '
+      if (.not. abs(held%value) > 0) then
+         ! The range of a parameter that is 0 begins there, and has a width of twice 1.96 sd.
+         width = 2*normal_quantile(0.975_wp)*held%sd
+         text = text//'to be at '//trim(merge('least', 'most ', parameters(p)%is_reciprocal))// &
+            ' '//to_text(as_named(p, width))
+      else if (held%factor < 2) then
+         text = text//'known to '//filled('# %', [100*(held%factor - 1)])
       else
-         text = '0 and assumed to be at most '//to_text(width)
+         text = text//'known to a factor of '//to_text(held%factor)
       end if
    end function assumption
 
