@@ -101,22 +101,22 @@ forget_objects() {
 # output appears only if the build fails. fpm 0.12 may compile a source with the old module file of a
 # module that has changed; such a build is repeated once from the beginning.
 build() {
-   local profile=$1 log profile_options done=true
+   local profile=$1 log profile_options is_built=true
    shift
    options_of "$profile"
    log=$(mktemp)
    forget_moved_sources
    resolve_dependencies || return 1
-   run_fpm_build "$@" || done=false
-   if ! $done && grep -Eq "$stale_module" "$log"; then
+   run_fpm_build "$@" || is_built=false
+   if ! $is_built && grep -Eq "$stale_module" "$log"; then
       echo "fpm used module files that are out of date: all sources are compiled again" >&2
       forget_objects
-      done=true
-      run_fpm_build "$@" || done=false
+      is_built=true
+      run_fpm_build "$@" || is_built=false
    fi
-   $done || cat "$log" >&2
+   $is_built || cat "$log" >&2
    rm "$log"
-   $done
+   $is_built
 }
 
 # paths PROFILE run|test [OPTION...]: path of the program, or of all tests; the runner `echo` prints it.
