@@ -23,7 +23,7 @@ module beamid_assembly
    use beamid_oscillators, only: changes, oscillators_t, root_t
    use beamid_sensitivities, only: sensitivities_t
    use beamid_structure, only: structure_t
-   use beamid_terms, only: of_damping, of_loss, of_mass, of_stiffness
+   use beamid_terms, only: of_damping, of_mass, of_stiffness
    implicit none
    private
 
@@ -119,8 +119,7 @@ contains
          is_undamped = .not. (any(abs(of%c) > 0) .or. any(of%l > 0) .or. of%relaxation%n > 0 &
             .or. any(abs(self%couplings%h(of_damping, :, :)) > 0))
       end associate
-      if (self%is_dense()) is_undamped = is_undamped .and. &
-         .not. any(abs(self%dense%matrix(:, :, of_damping, 0)) > 0)
+      if (self%is_dense()) is_undamped = is_undamped .and. .not. self%dense%is_present(of_damping, 0)
    end function is_undamped
 
    !> Returns the number of roots: two for each oscillator, less two for each row that is held.
@@ -144,8 +143,7 @@ contains
       real(wp), intent(in) :: share
 
       self%oscillators%l = share*whole%oscillators%l
-      if (self%is_dense()) self%dense%matrix(:, :, of_loss, 0) = &
-         share*whole%dense%matrix(:, :, of_loss, 0)
+      if (self%is_dense()) call self%dense%set_loss(whole%dense, share)
       call self%oscillators%set_poles()
    end subroutine set_loss
 

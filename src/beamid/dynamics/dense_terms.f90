@@ -13,7 +13,7 @@ module beamid_dense_terms
    use beamid_oscillators, only: changes, of_rate
    use beamid_structure, only: is_coefficient, of_b
    use beamid_terms, only: bending, hysteresis, inertia, is_axial_force, of_damping, &
-      of_relaxation, of_stiffness, weight
+      of_loss, of_relaxation, of_stiffness, weight
    implicit none
    private
 
@@ -25,8 +25,10 @@ module beamid_dense_terms
       !> and the stiffness whose rate changes, for index 0; and the slopes; not allocated: no term
       !> couples all oscillators
       real(wp), allocatable :: matrix(:, :, :, :)
+      !> (of_damping:changes, 0:parameters) which of these matrices may differ from 0
+      logical, allocatable :: is_present(:, :)
    contains
-      procedure :: set, at, bilinear
+      procedure :: set, set_loss, at, bilinear, trace
       procedure, private :: add
    end type dense_terms_t
 
@@ -68,7 +70,23 @@ contains
                self%matrix(:, :, of_relaxation(l), 0)
          end do
       end do
+      allocate (self%is_present(of_damping:changes, 0:size(given%parameters)))
+      do p = 0, size(given%parameters)
+         do k = of_damping, changes
+            self%is_present(k, p) = any(abs(self%matrix(:, :, k, p)) > 0)
+         end do
+      end do
    end subroutine set
+
+   !> Sets the structural damping in E to a share of that of another E.
+   pure subroutine set_loss(self, whole, share)
+      class(dense_terms_t), intent(inout) :: self
+      type(dense_terms_t), intent(in) :: whole
+      real(wp), intent(in) :: share
+
+      self%matrix(:, :, of_loss, 0) = share*whole%matrix(:, :, of_loss, 0)
+      self%is_present(of_loss, 0) = whole%is_present(of_loss, 0)
+   end subroutine set_loss
 
    !> Adds a matrix to E, and to the slopes of E.
    !>
@@ -160,8 +178,7 @@ contains
 
       E = 0
       do j = of_damping, changes
-         if (abs(f(j)) > 0 .and. any(abs(self%matrix(:, :, j, p)) > 0)) &
-            E = E + f(j)*self%matrix(:, :, j, p)
+         if (abs(f(j)) > 0 .and. self%is_present(j, p)) E = E + f(j)*self%matrix(:, :, j, p)
       end do
    end function at
 
@@ -173,13 +190,37 @@ contains
       class(dense_terms_t), intent(in) :: self
       complex(wp), intent(in) :: f(changes), x(:), z(:)
       integer, intent(in) :: p
+      complex(wp) :: z_M_x
+      integer :: b, i, j
 
       bilinear = 0
       if (.not. allocated(self%matrix)) return
-      if (.not. any(abs(self%matrix(:, :, :, p)) > 0)) return
-      associate (b => size(self%matrix, 1))
-         bilinear = sum(z(:b)*matmul(self%at(f, p), x(:b)))
-      end associate
+      b = size(self%matrix, 1)
+      do j = of_damping, changes
+         if (.not. (abs(f(j)) > 0 .and. self%is_present(j, p))) cycle
+         z_M_x = 0
+         do i = 1, b
+            z_M_x = z_M_x + x(i)*sum(self%matrix(:, i, j, p)*z(:b))
+         end do
+         bilinear = bilinear + f(j)*z_M_x
+      end do
    end function bilinear
+
+   !> Returns the trace of X E at a point, or of X E_p.
+   !>
+   !> f, p    as of `at`
+   !> turned  (beam, beam) transpose of X
+   pure complex(wp) function trace(self, f, turned, p)
+      class(dense_terms_t), intent(in) :: self
+      complex(wp), intent(in) :: f(changes), turned(:, :)
+      integer, intent(in) :: p
+      integer :: j
+
+      trace = 0
+      do j = of_damping, changes
+         if (abs(f(j)) > 0 .and. self%is_present(j, p)) &
+            trace = trace + f(j)*sum(self%matrix(:, :, j, p)*turned)
+      end do
+   end function trace
 
 end module beamid_dense_terms

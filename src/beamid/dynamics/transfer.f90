@@ -166,6 +166,7 @@ contains
       type(transfer_t), intent(inout) :: value
       complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
       complex(wp) :: traces(size(assembly%sensitivities%operator)), factor(changes, 0:2)
+      complex(wp), allocatable :: turned(:, :)
       integer :: p
 
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%given%parameters)), &
@@ -176,12 +177,13 @@ contains
       call assembly%sensitivities%traces(assembly%layout, value%form, inverse%diagonal, inverse%T, &
          traces)
       factor = assembly%oscillators%factors(point)
+      if (assembly%is_dense()) turned = transpose(inverse%dense)
       do p = 1, size(assembly%given%parameters)
          value%dlog_p(p) = assembly%sensitivities%derivative(factor(:, 0), traces, p) &
             + sum(assembly%couplings%compliance_slope(:, p)*inverse%by_compliance) &
             + sum(assembly%layout%moves(:, p)*inverse%by_position)
          if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
-            + sum(transpose(inverse%dense)*assembly%dense%at(factor(:, 0), p))
+            + assembly%dense%trace(factor(:, 0), turned, p)
       end do
    end subroutine differentiate
 
