@@ -624,6 +624,11 @@ contains
       end do
       call check('bounds: kept', result%estimate(1) >= 0 .and. result%estimate(2) <= 2)
       call check_close('bounds: J', result%J, 10.0_wp, 1e-9_wp)
+      call check('bounds: parameters without names are numbered', index(result%reason, &
+         '; parameter 1 held at its bound; parameter 2 held at its bound') > 0, result%reason)
+      call fit(problem, 4, v, options_t(), result, error, names=['a', 'b', 'c', 'd'])
+      call check('bounds: parameters are named', .not. allocated(error) .and. &
+         index(result%reason, '; a held at its bound; b held at its bound') > 0, result%reason)
       ! Starts at a bound, with the minimum inside: the search must get away.
       problem = line_t([0.3_wp, 0.4_wp])
       call fit(problem, 2, [new_variable(0.0_wp, 0.0_wp, unbounded, 1.0_wp), &

@@ -67,7 +67,7 @@ contains
    !>            exact derivatives disagree with differences; no convergence
    !> monitor    receives a report of every iteration
    !> label      name of the search in these reports; default ''
-   !> names      (n) names of the variables in reports and messages; default ''
+   !> names      (n) names of the variables in reports and messages; default: numbers
    subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
@@ -162,7 +162,6 @@ contains
       subroutine check_derivatives(parameters, difference)
          real(wp), intent(in) :: parameters(:)
          real(wp), allocatable, intent(out) :: difference
-         character(len=:), allocatable :: name
          logical :: is_done
          integer :: k
 
@@ -174,9 +173,7 @@ contains
                result%jacobian, difference, k)
          end if
          if (k == 0) return
-         name = trim(search%names(k))
-         if (name == '') name = 'parameter '//to_text(k)
-         call failure(error, 'least squares: the exact derivative by '//name// &
+         call failure(error, 'least squares: the exact derivative by '//name_of(search, k)// &
             ' disagrees with differences of the residuals')
       end subroutine check_derivatives
 
@@ -356,10 +353,20 @@ contains
       integer :: k
 
       do k = 1, size(search%variables)
-         if (.not. any(search%moving == k)) reason = reason//'; '//trim(search%names(k))// &
+         if (.not. any(search%moving == k)) reason = reason//'; '//name_of(search, k)// &
             ' held at its bound'
       end do
    end subroutine name_variables_at_bounds
+
+   !> Returns the name of variable k, or its number if the caller of `fit` gave no names.
+   pure function name_of(search, k) result(name)
+      type(search_t), intent(in) :: search
+      integer, intent(in) :: k
+      character(len=:), allocatable :: name
+
+      name = trim(search%names(k))
+      if (name == '') name = 'parameter '//to_text(k)
+   end function name_of
 
    !> Adds the cost of an earlier search, from whose end this fit started, and takes over its
    !> comparison of derivatives.

@@ -64,7 +64,8 @@ contains
       quick%check = .false.
       quick%all_rows = .false.
       quick%max_evaluations = 100
-      call fit(problem, problem%rows(), variables, quick, trial%fit, error)
+      call fit(problem, problem%rows(), variables, quick, trial%fit, error, &
+         names=quantities%searched_name())
       if (allocated(error)) return
       found = problem%with(trial%fit%estimate)
       associate (records => size(problem%parts))
