@@ -314,7 +314,7 @@ contains
          last = min(first + most - 1, size(found%measured))
          associate (m => found%measured(first:last))
             call text%line(left('damping ratio [%] of mode', of_names)//titles(found, first, last))
-            call text%line(left('natural frequency', of_names)//numbers(m%frequency, 4))
+            call text%line(left('natural frequency', of_names)//numbers([m%frequency], 4))
             call text%line(left('measured', of_names)//numbers(100*m%damping, 3))
             call text%line(left('95 % half width', of_names)//numbers(100*t*m%sd_damping, 2))
          end associate
