@@ -119,7 +119,8 @@ contains
          is_undamped = .not. (any(abs(of%c) > 0) .or. any(of%l > 0) .or. of%relaxation%n > 0 &
             .or. any(abs(self%couplings%h(of_damping, :, :)) > 0))
       end associate
-      if (self%is_dense()) is_undamped = is_undamped .and. .not. self%dense%is_present(of_damping, 0)
+      if (self%is_dense()) is_undamped = is_undamped .and. &
+         .not. self%dense%is_present(of_damping, 0)
    end function is_undamped
 
    !> Returns the number of roots: two for each oscillator, less two for each row that is held.
