@@ -67,7 +67,7 @@ contains
    !>            exact derivatives disagree with differences; no convergence
    !> monitor    receives a report of every iteration
    !> label      name of the search in these reports; default ''
-   !> names      (n) names of the variables in reports and messages; default: numbers
+   !> names      (n) names of the variables in reports and messages; default 'parameter 1', ...
    subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
@@ -142,7 +142,9 @@ contains
          search%label = ''
          if (present(label)) search%label = label
          allocate (search%names(size(variables)))
-         search%names = ''
+         do k = 1, size(variables)
+            search%names(k) = 'parameter '//to_text(k)
+         end do
          if (present(names)) search%names = names
          search%variables = variables
          search%parameters = variables%start
@@ -173,7 +175,7 @@ contains
                result%jacobian, difference, k)
          end if
          if (k == 0) return
-         call failure(error, 'least squares: the exact derivative by '//name_of(search, k)// &
+         call failure(error, 'least squares: the exact derivative by '//trim(search%names(k))// &
             ' disagrees with differences of the residuals')
       end subroutine check_derivatives
 
@@ -353,20 +355,10 @@ contains
       integer :: k
 
       do k = 1, size(search%variables)
-         if (.not. any(search%moving == k)) reason = reason//'; '//name_of(search, k)// &
+         if (.not. any(search%moving == k)) reason = reason//'; '//trim(search%names(k))// &
             ' held at its bound'
       end do
    end subroutine name_variables_at_bounds
-
-   !> Returns the name of variable k, or its number if the caller of `fit` gave no names.
-   pure function name_of(search, k) result(name)
-      type(search_t), intent(in) :: search
-      integer, intent(in) :: k
-      character(len=:), allocatable :: name
-
-      name = trim(search%names(k))
-      if (name == '') name = 'parameter '//to_text(k)
-   end function name_of
 
    !> Adds the cost of an earlier search, from whose end this fit started, and takes over its
    !> comparison of derivatives.
