@@ -364,10 +364,6 @@ contains
          'Table 4.6') .and. .not. has_all(outcome%out, 'Table 4.3') .and. &
          .not. exists('six/valley.csv') .and. line_count(read_file('six/sums.csv')) == 2 .and. &
          line_count(read_file('six/curves.csv')) == 1001)
-      outcome = in_root('reproduce all --quiet --out @/all')
-      call check('all: a folder for each part', outcome%status == 0 .and. &
-         read_file('all/section-4/summary.txt') == read_file('four/summary.txt') .and. &
-         has_all(read_file('all/table-4.1/summary.txt'), 'Table 4.1|exact responses'))
       call close_shell()
    end subroutine test_program
 

@@ -9,11 +9,14 @@ module mistakes
 
    public :: mistaken_t
 
-   !> A problem whose derivative by one parameter is wrong by a factor.
+   !> A problem whose derivative by one parameter is wrong by a factor. It keeps all residuals that
+   !> it has computed: every check of one structure asks for those at the same points.
    type, extends(smooth_problem_t) :: mistaken_t
       type(residual_t) :: right
       integer :: column = 0
       real(wp) :: factor = 1
+      !> (n, points), (m, points) points and their residuals
+      real(wp), allocatable :: points(:, :), known(:, :)
    contains
       procedure :: residuals
       procedure :: jacobian
@@ -26,8 +29,21 @@ contains
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
+      integer :: k, n, points
 
+      n = size(parameters)
+      points = 0
+      if (allocated(self%points)) points = size(self%points, 2)
+      do k = 1, points
+         if (any(abs(self%points(:, k) - parameters) > 0)) cycle
+         r = self%known(:, k)
+         return
+      end do
       call self%right%residuals(parameters, r, error)
+      if (allocated(error)) return
+      if (points == 0) allocate (self%points(n, 0), self%known(size(r), 0))
+      self%points = reshape([self%points, parameters], [n, points + 1])
+      self%known = reshape([self%known, r], [size(r), points + 1])
    end subroutine residuals
 
    subroutine jacobian(self, parameters, r, jac, error)
@@ -300,6 +316,7 @@ contains
       integer :: k
 
       s = random_structure(1.0_wp)
+      if (allocated(problem%points)) deallocate (problem%points, problem%known)
       if (.not. heavy) s%g = 0
       if (.not. heavy) s%T = 0
       if (.not. heavy) s%a_h = 0

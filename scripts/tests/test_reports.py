@@ -91,6 +91,8 @@ PAGES = {
     "table-4.1": [["reproduce", "table-4.1"]],
     "section-4": [["reproduce", "section-4"]],
 }
+# Parts of `reproduce all`, which writes a folder for each.
+PARTS = ("table-4.1", "section-4", "acceleration", "convergence", "varying", "benchmarks", "damping")
 # View: width in pixels, colour scheme, medium.
 VIEWS = {"360": (360, "light", "screen"), "360-dark": (360, "dark", "screen"),
          "1200": (1200, "light", "screen"), "1200-dark": (1200, "dark", "screen"),
@@ -149,6 +151,16 @@ def run(*command, **options):
     return done.stdout
 
 
+@pytest.fixture(scope="module")
+def everything():
+    """The folder of `reproduce all`."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    folder = OUT / "all"
+    shutil.rmtree(folder, ignore_errors=True)
+    run(program(), "reproduce", "all", "--out", folder, "--quiet")
+    return folder
+
+
 @pytest.fixture(scope="module", params=PAGES)
 def page(request, browser):
     """The path of the report of a command, in a folder of its own."""
@@ -174,8 +186,11 @@ def page(request, browser):
         run(program(), "frf", "strip.nml", "--out", "frf", "--quiet")
     folder = OUT / request.param
     shutil.rmtree(folder, ignore_errors=True)
-    for command in PAGES[request.param]:
-        run(program(), *command, "--out", folder, "--quiet")
+    if request.param in PARTS:
+        folder = request.getfixturevalue("everything") / request.param
+    else:
+        for command in PAGES[request.param]:
+            run(program(), *command, "--out", folder, "--quiet")
     command, *cases = (word for word in PAGES[request.param][-1] if word != "--damping")
     report = [sys.executable, CHECKOUT / "scripts" / "report.py", folder]
     if command not in ("identify", "reproduce"):
@@ -247,3 +262,14 @@ def test_every_command_has_a_page():
     commands = set(re.findall(r"(?m)^  (\w+) (?=(?:\S+ )*?(?:case|a)\.nml|WHAT)", text))
     tested = {words[0] for commands in PAGES.values() for words in commands}
     assert commands == tested
+
+
+def test_reproduce_all(everything):
+    """A folder for each part, with the text that the part prints when it is run alone."""
+    assert sorted(path.name for path in everything.iterdir() if path.is_dir()) == sorted(PARTS)
+    texts = {part: (everything / part / "summary.txt").read_text() for part in PARTS}
+    assert "Table 4.1" in texts["table-4.1"] and "exact responses" in texts["table-4.1"]
+    alone = OUT / "section-4"
+    shutil.rmtree(alone, ignore_errors=True)
+    run(program(), "reproduce", "section-4", "--out", alone, "--quiet")
+    assert (alone / "summary.txt").read_text() == texts["section-4"]

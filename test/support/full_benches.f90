@@ -33,11 +33,12 @@ contains
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
          growth(:, :), x(:), held(:, :), tilt(:), rides(:), bent(:, :)
       real(qp) :: d(2), b(2)
-      integer :: i, j, l, n
+      integer :: i, j, l, n, order, relaxations
 
       n = galerkin%space%n + count(structure%has_hose())
-      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(4*n + 4, 4*n + 4), x(4*n + 4), &
-         source=0.0_qp)
+      relaxations = findloc(abs([structure%d_1, structure%d_2]) > 0, .true., dim=1, back=.true.)
+      order = (2 + relaxations)*n + 4
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(order, order), x(order), source=0.0_qp)
       call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held, rides)
       bent = bending_of(galerkin, structure, n)
       d = [structure%d_1, structure%d_2]
@@ -46,7 +47,7 @@ contains
          a(i, n + i) = 1
          a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0*rides)
          a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0*rides)
-         do l = 1, 2
+         do l = 1, relaxations
             ! z' = u' - b z, with the force d K_E z
             j = 2*n + 4 + (l - 1)*n + i
             a(n + 1:2*n, j) = accelerations(M, held, -d(l)*bent(:, i), 0*rides)

@@ -225,20 +225,32 @@ contains
       end do
    end subroutine motions
 
-   !> e**a: the series of a/2**k, squared k times.
+   !> e**a: the series of b = a/2**k, squared k times. The series is a polynomial in b**5, the
+   !> coefficients of which are polynomials in b (Paterson and Stockmeyer 1973).
    function exponential(a) result(e)
       real(qp), intent(in) :: a(:, :)
-      real(qp) :: e(size(a, 1), size(a, 1)), small(size(a, 1), size(a, 1))
-      integer :: i, k, squarings
+      integer, parameter :: m = 5
+      real(qp) :: e(size(a, 1), size(a, 1)), power(size(a, 1), size(a, 1), m), factorial(0:m*m - 1)
+      integer :: i, j, k, squarings
 
-      ! .25**24/24! < 1e-38
+      ! .25**25/25! < 1e-40
       squarings = max(0, exponent(maxval(sum(abs(a), dim=1))) + 2)
-      small = scale(a, -squarings)
+      power(:, :, 1) = scale(a, -squarings)
+      do k = 2, m
+         power(:, :, k) = matmul(power(:, :, 1), power(:, :, k - 1))
+      end do
+      factorial(0) = 1
+      do k = 1, m*m - 1
+         factorial(k) = k*factorial(k - 1)
+      end do
       e = 0
-      do k = 24, 0, -1
-         if (k < 24) e = matmul(small, e)/(k + 1)
+      do j = m - 1, 0, -1
+         e = matmul(power(:, :, m), e)
          do i = 1, size(a, 1)
-            e(i, i) = e(i, i) + 1
+            e(i, i) = e(i, i) + 1/factorial(m*j)
+         end do
+         do k = 1, m - 1
+            e = e + power(:, :, k)/factorial(m*j + k)
          end do
       end do
       do k = 1, squarings
