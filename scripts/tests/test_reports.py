@@ -92,7 +92,8 @@ PAGES = {
     "section-4": [["reproduce", "section-4"]],
 }
 # Parts of `reproduce all`, which writes a folder for each.
-PARTS = ("table-4.1", "section-4", "acceleration", "convergence", "varying", "benchmarks", "damping")
+PARTS = ("table-4.1", "section-4", "acceleration", "convergence", "varying", "benchmarks",
+         "damping")
 # View: width in pixels, colour scheme, medium.
 VIEWS = {"360": (360, "light", "screen"), "360-dark": (360, "dark", "screen"),
          "1200": (1200, "light", "screen"), "1200-dark": (1200, "dark", "screen"),

@@ -45,6 +45,9 @@ module beamid_synthesis
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
    integer, parameter :: block_size = 500
+   !> States below this number are set to 0. Processors take a hundred times as long for products
+   !> that underflow.
+   real(wp), parameter :: nothing = 1e-150_wp
 
 contains
 
@@ -320,6 +323,7 @@ contains
          associate (by => steps(j), h => steps(j)%length)
             if (.not. by%same) then
                growth = exp(s*h)
+               if (abs(real(growth)) + abs(aimag(growth)) < nothing) growth = 0
                known = .false.
             end if
             if (with_slope) then
@@ -340,6 +344,14 @@ contains
                z_im = z_im + aimag(z_now)
                y_re = y_re + real(y_now)
                y_im = y_im + aimag(y_now)
+            end if
+            if (abs(z_re) + abs(z_im) < nothing) then
+               z_re = 0
+               z_im = 0
+            end if
+            if (abs(y_re) + abs(y_im) < nothing) then
+               y_re = 0
+               y_im = 0
             end if
             if (by%row == 0) cycle
             x(by%row) = z_re

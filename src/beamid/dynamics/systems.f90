@@ -117,6 +117,7 @@ contains
       complex(wp), dimension(assembly%layout%r, assembly%layout%r) :: H, dH
       complex(wp) :: z(size(P, 1), 1), rhs(size(P, 1)), left(size(P, 1)), change
       real(wp), dimension(size(P, 1)) :: rows, columns
+      real(wp) :: largest
       integer :: pivots(size(P, 1)), step, n
 
       n = assembly%layout%n
@@ -127,8 +128,9 @@ contains
          rhs = z(:, 1)
          call factor_balanced(P, pivots, rows, columns)
          call solve_balanced(P, pivots, rows, columns, z)
-         rhs = rhs/maxval(abs(z))
-         z = z/maxval(abs(z))
+         largest = maxval(abs(z))
+         rhs = rhs/largest
+         z = z/largest
          ! The left eigenvector is (x, f).
          call assembly%couplings%evaluate(assembly%couplings%form_at(root%s), root%s, H, dH)
          left = [z(:n, 1), matmul(H, z(n + 1:, 1))]
@@ -157,13 +159,15 @@ contains
       real(wp), intent(out) :: rows(:), columns(:)
       integer :: k
 
-      rows = scale(1.0_wp, -exponent(maxval(abs(P), dim=2)))
-      do k = 1, size(rows)
-         P(k, :) = P(k, :)*rows(k)
-      end do
-      columns = scale(1.0_wp, -exponent(maxval(abs(P), dim=1)))
+      rows = 0
       do k = 1, size(columns)
-         P(:, k) = P(:, k)*columns(k)
+         rows = max(rows, abs(real(P(:, k))) + abs(aimag(P(:, k))))
+      end do
+      rows = scale(1.0_wp, -exponent(rows))
+      do k = 1, size(columns)
+         P(:, k) = rows*P(:, k)
+         columns(k) = scale(1.0_wp, -exponent(maxval(abs(real(P(:, k))) + abs(aimag(P(:, k))))))
+         P(:, k) = columns(k)*P(:, k)
       end do
       call factor(P, pivots)
    end subroutine factor_balanced
