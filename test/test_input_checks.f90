@@ -32,6 +32,7 @@ program test_input_checks
       call test_causes()
       call test_noise()
       call test_modes_without_elements()
+      call test_unresolved_mesh()
       call test_errors_left_out()
       call test_modes_on_meshes()
       call test_quiet_sensor()
@@ -290,6 +291,25 @@ contains
       call check('modes: the tenth frequency', abs(found/expected - 1) < 1e-5_wp, to_text(found))
       call check('modes: ten modes', index(text, ',11,') == 0, text)
    end subroutine test_modes_without_elements
+
+   !> A beam whose last 2 cm are a millionth as stiff: 128 elements do not determine its tenth mode,
+   !> and both commands that refine the mesh by themselves say so.
+   subroutine test_unresolved_mesh()
+      character(len=*), parameter :: soft_end = '&beam length=0.3, width=0.025, height=0.001, '// &
+         'density=7850, E=2.0e11 /'//nl//'&along kind=''steps'', parameter=''E'', '// &
+         'x=0,0.2803, value=2e11,2e5 /'//nl, &
+         response = '&record kind=''frf'', f_first=1, f_last=5, f_step=1, x_F=0.1 /'//nl
+      type(outcome_t) :: outcome
+      character(len=*), parameter :: commands(2) = [character(len=5) :: 'modes', 'frf']
+      integer :: k
+
+      call write_file('soft.nml', soft_end//response)
+      do k = 1, 2
+         outcome = beamid(trim(commands(k))//' soft.nml --quiet --out soft')
+         call check(trim(commands(k))//': the mesh is not fine enough', outcome%status == 0 .and. &
+            index(outcome%out, 'warning: mesh: the last refinement') == 1, outcome%out)
+      end do
+   end subroutine test_unresolved_mesh
 
    !> Profiles leave out the errors of fixed parameters, and say so.
    subroutine test_errors_left_out()

@@ -45,8 +45,8 @@ module beamid_synthesis
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
    integer, parameter :: block_size = 500
-   !> States below this number are set to 0. Processors take a hundred times as long for products
-   !> that underflow.
+   !> At the end of a block, states below this number are set to 0. Processors take a hundred times
+   !> as long for products that underflow.
    real(wp), parameter :: nothing = 1e-150_wp
 
 contains
@@ -345,14 +345,6 @@ contains
                y_re = y_re + real(y_now)
                y_im = y_im + aimag(y_now)
             end if
-            if (abs(z_re) + abs(z_im) < nothing) then
-               z_re = 0
-               z_im = 0
-            end if
-            if (abs(y_re) + abs(y_im) < nothing) then
-               y_re = 0
-               y_im = 0
-            end if
             if (by%row == 0) cycle
             x(by%row) = z_re
             x_imag(by%row) = z_im
@@ -362,7 +354,10 @@ contains
          end associate
       end do
       z = [z_re, z_im]
-      if (with_slope) y = [y_re, y_im]
+      if (sum(abs(z)) < nothing) z = 0
+      if (.not. with_slope) return
+      y = [y_re, y_im]
+      if (sum(abs(y)) < nothing) y = 0
    end subroutine march
 
    !> Returns phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 -

@@ -9,75 +9,68 @@ module beamid_chains
    implicit none
    private
 
-   public :: bulk_size, tail_size, scale_reduction, quantile, mean_and_deviation
+   public :: diagnose_chains, quantile, mean_and_deviation
 
 contains
 
-   !> Returns the effective sample size for the middle of a distribution (bulk-ESS).
+   !> Computes the diagnostics of one parameter.
    !>
-   !> draws  (length, chains) of one parameter
-   real(wp) function bulk_size(draws)
+   !> draws      (length, chains)
+   !> bulk       effective sample size for the middle of the distribution (bulk-ESS)
+   !> tail       effective sample size for the tails (tail-ESS): the smaller of the sizes for the
+   !>            5 % and the 95 % quantile
+   !> reduction  potential scale reduction: 1 if chains agree in location and scale; above 1.01 they
+   !>            do not
+   subroutine diagnose_chains(draws, bulk, tail, reduction)
       real(wp), intent(in) :: draws(:, :)
-
-      bulk_size = effective_size(normal_scores(split_chains(draws)))
-   end function bulk_size
-
-   !> Returns the effective sample size for the tails (tail-ESS): the smaller of the sizes for the
-   !> 5 % and the 95 % quantile.
-   !>
-   !> draws  (length, chains) of one parameter
-   real(wp) function tail_size(draws)
-      real(wp), intent(in) :: draws(:, :)
+      real(wp), intent(out) :: bulk, tail, reduction
       real(wp), parameter :: tails(2) = [0.05_wp, 0.95_wp]
-      real(wp) :: sorted(size(draws))
+      real(wp), dimension(size(draws, 1)/2, 2*size(draws, 2)) :: split, folded, scores
+      real(wp), allocatable :: sorted(:)
       integer :: k
 
-      sorted = reshape(draws, [size(draws)])
-      call sort(sorted)
-      tail_size = huge(tail_size)
-      do k = 1, 2
-         tail_size = min(tail_size, effective_size(split_chains(merge(1.0_wp, 0.0_wp, &
-            draws <= quantile(sorted, tails(k))))))
-      end do
-   end function tail_size
-
-   !> Returns the potential scale reduction: 1 if chains agree in location and scale; above 1.01
-   !> they do not.
-   !>
-   !> draws  (length, chains) of one parameter
-   real(wp) function scale_reduction(draws) result(r)
-      real(wp), intent(in) :: draws(:, :)
-      real(wp) :: sorted(size(draws)), folded(size(draws, 1), size(draws, 2))
-
-      sorted = reshape(draws, [size(draws)])
-      call sort(sorted)
-      folded = abs(draws - quantile(sorted, 0.5_wp))
+      split = split_chains(draws)
+      sorted = ascending(split)
+      scores = normal_scores(split, sorted)
+      bulk = effective_size(scores)
+      folded = abs(split - quantile(sorted, 0.5_wp))
       associate (lower => sorted((size(sorted) + 1)/2), upper => sorted(size(sorted)/2 + 1))
          ! The two draws beside the median of an even number are equally far from it; round-off
          ! must not give them different ranks.
-         where (draws >= lower .and. draws <= upper) folded = (upper - lower)/2
+         where (split >= lower .and. split <= upper) folded = (upper - lower)/2
       end associate
-      r = max(reduction_of_scores(draws), reduction_of_scores(folded))
+      reduction = max(reduction_of(scores), reduction_of(normal_scores(folded, &
+         ascending(folded))))
+      if (size(split) < size(draws)) sorted = ascending(draws)
+      tail = huge(tail)
+      do k = 1, 2
+         tail = min(tail, effective_size(split_chains(merge(1.0_wp, 0.0_wp, draws <= &
+            quantile(sorted, tails(k))))))
+      end do
+   end subroutine diagnose_chains
 
-   contains
+   !> Returns all draws in ascending order.
+   function ascending(draws) result(sorted)
+      real(wp), intent(in) :: draws(:, :)
+      real(wp) :: sorted(size(draws))
 
-      !> Returns the potential scale reduction of the normal scores of some values.
-      real(wp) function reduction_of_scores(values)
-         real(wp), intent(in) :: values(:, :)
-         real(wp) :: within, between
+      sorted = reshape(draws, [size(draws)])
+      call sort(sorted)
+   end function ascending
 
-         associate (z => normal_scores(split_chains(values)))
-            call variances(z, within, between)
-            reduction_of_scores = 1
-            if (within > 0) then
-               reduction_of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
-            else if (between > 0) then
-               reduction_of_scores = huge(reduction_of_scores)
-            end if
-         end associate
-      end function reduction_of_scores
+   !> Returns the potential scale reduction of normal scores.
+   real(wp) function reduction_of(scores)
+      real(wp), intent(in) :: scores(:, :)
+      real(wp) :: within, between
 
-   end function scale_reduction
+      call variances(scores, within, between)
+      reduction_of = 1
+      if (within > 0) then
+         reduction_of = sqrt((size(scores, 1) - 1.0_wp)/size(scores, 1) + between/within)
+      else if (between > 0) then
+         reduction_of = huge(reduction_of)
+      end if
+   end function reduction_of
 
    !> Returns a quantile by linear interpolation between order statistics, of which the first has
    !> the probability 0 and the last the probability 1.
@@ -121,15 +114,15 @@ contains
    end function split_chains
 
    !> Returns the normal scores of the ranks among all draws; equal draws have their mean rank.
-   function normal_scores(draws) result(scores)
-      real(wp), intent(in) :: draws(:, :)
+   !>
+   !> sorted  (size of draws) the draws in ascending order
+   function normal_scores(draws, sorted) result(scores)
+      real(wp), intent(in) :: draws(:, :), sorted(:)
       real(wp) :: scores(size(draws, 1), size(draws, 2))
-      real(wp) :: sorted(size(draws)), known(size(draws))
+      real(wp) :: known(size(draws))
       integer :: below, i, j, k, up_to
 
       known = 0
-      sorted = reshape(draws, [size(draws)])
-      call sort(sorted)
       do j = 1, size(draws, 2)
          do i = 1, size(draws, 1)
             below = count_below(draws(i, j), .false.)

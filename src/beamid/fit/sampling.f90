@@ -10,7 +10,7 @@
 !> 755). Its scatter counts in the effective sample size. If such a weight is not positive, p is
 !> computed at all draws.
 module beamid_sampling
-   use beamid_chains, only: bulk_size, scale_reduction, tail_size
+   use beamid_chains, only: diagnose_chains
    use beamid_densities, only: density_t, impossible
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
@@ -111,7 +111,10 @@ contains
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, n
          if (interrupted()) cycle
-         call diagnose(k)
+         associate (q => draws%q(k, :))
+            call diagnose_chains(reshape(q, [size(q)/chains, chains]), draws%bulk(k), &
+               draws%tail(k), draws%reduction(k))
+         end associate
       end do
       !$omp end parallel do
       if (interrupted()) return
@@ -121,20 +124,6 @@ contains
       call failure(error, 'sampling: the chains do not agree (potential scale reduction '// &
          to_text(maxval(draws%reduction))//', '//to_text(nint(draws%effective))// &
          ' effective draws); the posterior may have several maxima, or none')
-
-   contains
-
-      !> Computes the diagnostics of parameter k.
-      subroutine diagnose(k)
-         integer, intent(in) :: k
-         real(wp) :: values(size(draws%q, 2)/chains, chains)
-
-         values = reshape(draws%q(k, :), shape(values))
-         draws%bulk(k) = bulk_size(values)
-         draws%tail(k) = tail_size(values)
-         draws%reduction(k) = scale_reduction(values)
-      end subroutine diagnose
-
    end subroutine compute_diagnostics
 
    !> Draws from the proposal until the effective sample size suffices. If the weights are not

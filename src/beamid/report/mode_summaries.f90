@@ -6,14 +6,27 @@ module beamid_mode_summaries
    use beamid_lines, only: columns
    use beamid_multistart, only: minimum_t
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: fixed, to_text
+   use beamid_strings, only: fixed, rounded, to_text
    use beamid_texts, only: right, text_t
    implicit none
    private
 
-   public :: modes_summary, fitted_modes_summary, minima_summary
+   public :: add_refinement_warning, modes_summary, fitted_modes_summary, minima_summary
 
 contains
+
+   !> Adds a warning if even the finest mesh does not determine the natural frequencies.
+   !>
+   !> remaining  largest relative change of a natural frequency in the last refinement
+   subroutine add_refinement_warning(text, remaining)
+      type(text_t), intent(inout) :: text
+      real(wp), intent(in) :: remaining
+      real(wp), parameter :: too_large = 1e-3_wp
+
+      if (remaining > too_large) call text%line('warning: mesh: the last refinement still '// &
+         'changes natural frequencies by up to '//rounded(100*remaining, 2)// &
+         ' %; use degree=5 or give more elements')
+   end subroutine add_refinement_warning
 
    !> Adds the lowest modes on one mesh: undamped frequencies and damped roots.
    !>

@@ -8,6 +8,7 @@ module beamid_response_reports
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row
    use beamid_modal_tables, only: modal_table_t
+   use beamid_mode_summaries, only: add_refinement_warning
    use beamid_outputs, only: output_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, rounded, to_text
@@ -45,6 +46,7 @@ contains
       end do
       call output%add('frf.csv', table%content())
       call output%add('labels.csv', labels_table(case%units))
+      call add_refinement_warning(text, found%remaining)
       line = case%name//': '//trim(quantities(found%power))//' at '// &
          to_text(size(found%frequency))//' frequencies, '//to_text(found%frequency(1))//' to '// &
          to_text(found%frequency(size(found%frequency)))

@@ -12,14 +12,13 @@ module beamid_run_reports
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_frequency_runs, only: case_response_t, compute_responses, prepare_responses
    use beamid_interrupts, only: check_interrupt
-   use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
-   use beamid_mode_summaries, only: modes_summary
+   use beamid_mode_summaries, only: add_refinement_warning, modes_summary
    use beamid_noise, only: gaussian_noise
    use beamid_outputs, only: output_t
    use beamid_response_reports, only: report_responses
    use beamid_shape_tables, only: add_shapes
-   use beamid_strings, only: rounded, to_text
+   use beamid_strings, only: to_text
    use beamid_summaries, only: response_summary
    use beamid_tables, only: add_modes, add_record_table, add_response_table, labels_table, &
       modes_header
@@ -114,15 +113,11 @@ contains
       type(case_modes_t), intent(in) :: found
       type(output_t), intent(inout) :: output
       character(len=:), allocatable, intent(out) :: summary
-      !> Relative change of natural frequencies that needs a warning.
-      real(wp), parameter :: too_large = 1e-3_wp
       type(text_t) :: table, text
       integer :: k
 
       call table%line(modes_header)
-      if (found%remaining > too_large) call text%line('warning: mesh: the last refinement '// &
-         'still changes natural frequencies by up to '//rounded(100*found%remaining, 2)// &
-         ' %; use degree=5')
+      call add_refinement_warning(text, found%remaining)
       call text%line(case%name//': natural modes')
       do k = 1, size(case%meshes)
          associate (here => found%meshes(k), elements => case%meshes(k)%elements)

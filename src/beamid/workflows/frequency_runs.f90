@@ -37,6 +37,9 @@ module beamid_frequency_runs
       real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
       type(case_t) :: fitted                   !< the case without records that have no file
       type(experiment_t), allocatable :: experiments(:)   !< of the fit
+      !> largest relative change of a natural frequency in the last refinement of the mesh; 0:
+      !> none was refined
+      real(wp) :: remaining = 0
    end type case_response_t
 
 contains
@@ -112,12 +115,11 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_fit_t), allocatable :: fits(:, :)
-      real(wp) :: remaining
       integer :: k
 
       if (case%refines .and. .not. found%is_fitted) call refine_for_modes( &
          found%experiment%structure_of(case%model%structure), lowest_modes, case%meshes(1), &
-         remaining, error)
+         found%remaining, error)
       call locate(error, case%path)
       if (allocated(error)) return
       if (found%is_fitted) then
