@@ -4,7 +4,7 @@ program test_frequency_fits
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
    use beamid_strings, only: to_text
-   use case_answers, only: answer_t, identified, nl
+   use case_answers, only: answer_t, check_refused, identified, nl
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, replaced, &
       write_file
@@ -13,6 +13,8 @@ program test_frequency_fits
 
    real(wp), parameter :: E = 7e10_wp, c_D = 2e6_wp, gamma = 0.05_wp, m_S = 0.005_wp
    real(wp), parameter :: normal = 1.959963984540054_wp
+   !> Standard deviation of the noise of the decay.
+   real(wp), parameter :: decay_noise = 5
    character(len=*), parameter :: at_F = '&record kind=''frf'', x_F=0.3', &
       all_four = '&stage free=''E'',''c_D'',''m_S'',''gamma'' /', &
       band = ', f_first=4, f_last=300, f_step=1 /'
@@ -494,7 +496,30 @@ contains
                'std_error') < value(alone, trim(names(j)), 'std_error'))
          end do
       end do
+      call test_order(beam()//blow, [records(2), records(1)], stage)
    end subroutine test_mixture
+
+   !> The rows of fit.csv are those of the record in time, whatever stands before it: the residual
+   !> is measured - model, and as large as the noise of the decay. &windows has no meaning then.
+   subroutine test_order(before, records, stage)
+      character(len=*), intent(in) :: before, records(2), stage
+      type(answer_t) :: answer
+      character(len=:), allocatable :: table
+      real(wp), allocatable :: left(:), right(:)
+      integer :: k
+
+      answer = identified(before//trim(records(1))//nl//trim(records(2))//stage)
+      call check('response before decay', answer%status == 0, answer%err)
+      table = read_file('o/fit.csv')
+      left = [(number(field(table, k, 5)), k=1, line_count(table) - 1)]
+      right = [(number(field(table, k, 3)) - number(field(table, k, 4)), k=1, size(left))]
+      call check('response before decay: residuals', maxval(abs(left - right)) <= &
+         1e-12_wp*maxval(abs(left)))
+      call check_close('response before decay: noise', norm2(left)/sqrt(real(size(left), wp))/ &
+         decay_noise, 1.0_wp, 0.1_wp)
+      call check_refused('windows beside a response', 2, 'identify', before//trim(records(1))// &
+         nl//trim(records(2))//stage//nl//'&windows n=3 /', 'expected records in time alone')
+   end subroutine test_order
 
    !> Writes a free decay of the true beam after a pulse, with noise.
    subroutine make_decay()
@@ -510,7 +535,7 @@ contains
       table = read_file('s/record.csv')
       t = column(table, 1)
       a = column(table, 2)
-      a = a + gaussian_noise(size(a), 5.0_wp, 41)
+      a = a + gaussian_noise(size(a), decay_noise, 41)
       text = 't,a'//nl
       do k = 1, size(t)
          text = text//row_of([t(k), a(k)])

@@ -3,7 +3,7 @@
 program test_verdicts
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_free, new_release
+   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_release
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
@@ -37,6 +37,7 @@ program test_verdicts
    call test_multiple()
    call test_nothing_like_it()
    call test_effective_samples()
+   call test_repeated_blows()
    call finish('verdicts')
 
 contains
@@ -52,6 +53,50 @@ contains
       experiment%measured = simulation%acceleration + gaussian_noise(m, noise, 21)
       experiment%excitation = new_free(2)
    end subroutine make_record
+
+   !> A known force that strikes the strip again and again: after each blow the modes begin anew, so
+   !> that the line of mode 2 (39.035) splits into multiples of the blows' frequency. With the first
+   !> period one of them is .15 beside the mode, with the second one none is near. The mode is seen
+   !> in either case, and is no multiple of mode 1 (6.047).
+   subroutine test_repeated_blows()
+      integer, parameter :: samples = 4000
+      real(wp), parameter :: period(2) = [0.72_wp, 0.7_wp], rise = 0.004_wp
+      type(structure_t) :: damped
+      type(excitation_t) :: force
+      type(simulation_t) :: simulation
+      type(experiment_t) :: record(1)
+      type(error_t), allocatable :: error
+      integer :: blows, j, k
+
+      damped = strip
+      damped%E = 6.4e10_wp
+      damped%c_D = 6e6_wp
+      damped%sensor(1)%m_S = 0.004_wp
+      damped%x_F = 0.3_wp
+      do k = 1, size(period)
+         blows = int(19.5_wp/period(k))
+         call new_force_table([((0.1_wp + (j/3)*period(k) + modulo(j, 3)*rise), j=0, &
+            3*blows - 1)], [(merge(1.0_wp, 0.0_wp, modulo(j, 3) == 1), j=0, 3*blows - 1)], force, &
+            error)
+         record(1)%samples = [(0.005_wp*j, j=1, samples)]
+         model = model_of(damped, force)
+         call simulate(model, mesh, record(1)%samples, simulation, error)
+         record(1)%measured = simulation%acceleration + gaussian_noise(samples, 0.05_wp, 31)
+         record(1)%excitation = force
+         call identify(model, mesh, [stage_of(names([1, 3]), [6.45e10_wp, 5.5e6_wp])], record, &
+            fits, error)
+         if (.not. allocated(error)) call new_verdict(record, mesh, fits(1), verdict, error)
+         call check('force '//to_text(k)//': fitted', .not. allocated(error))
+         if (allocated(error)) return
+         associate (s => verdict%sightings(2))
+            call check('force '//to_text(k)//': mode 2 is seen', s%verdict == 'seen' &
+               .and. s%share > 0.5_wp .and. s%share <= 1, s%verdict//to_text(s%share))
+            if (k == 1) call check('force 1: a line beside mode 2', &
+               abs(abs(s%peak - s%model) - 0.15_wp) < 0.02_wp, to_text(s%peak))
+            if (k == 2) call check('force 2: no line', .not. s%peak > 0, to_text(s%peak))
+         end associate
+      end do
+   end subroutine test_repeated_blows
 
    !> A fit, automatic or from a start near the truth, and the verdict on it.
    subroutine judge(automatic, error)

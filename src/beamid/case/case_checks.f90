@@ -83,6 +83,9 @@ contains
       if (any(case%excitations%modes > most)) call refuse(case%path, 0, 'excitation modes', &
          to_text(maxval(case%excitations%modes)), 'at most '//to_text(most)// &
          ', the number of modes of the mesh', error)
+      if (case%windows > 0 .and. .not. are_in_time(case%recordings)) call refuse(case%path, 0, &
+         'windows', 'the group beside a record that is not a function of time', &
+         'records in time alone', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
          any(case%stages%offset) .or. case%recordings(1)%kind /= 'time') &

@@ -1,5 +1,6 @@
 !> Fits from several starts: which minima of J exist, and how often each is found.
 module beamid_multistart
+   use beamid_criteria, only: misfit_of_records
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
@@ -14,7 +15,8 @@ module beamid_multistart
    implicit none
    private
 
-   public :: multistart_t, minimum_t, minima_t, identify_from_many, identify_meshes_from_many
+   public :: multistart_t, minimum_t, minima_t, identify_from_many, identify_meshes_from_many, &
+      misfit_of_fit
 
    !> Number and spread of the starts.
    type :: multistart_t
@@ -32,7 +34,7 @@ module beamid_multistart
 
    !> The minima that the searches from several starts have found on one mesh.
    type :: minima_t
-      type(minimum_t), allocatable :: list(:)   !< different minima, by ascending J
+      type(minimum_t), allocatable :: list(:)   !< different minima, by ascending misfit
       integer :: failures = 0                   !< number of starts whose search failed
    end type minima_t
 
@@ -47,7 +49,7 @@ contains
    !>
    !> The starts are computed in parallel. The same seed gives the same starts.
    !>
-   !> minima    in the order of ascending J
+   !> minima    in the order of ascending misfit: J, or what replaces it (`misfit_of_fit`)
    !> failures  number of starts that failed
    !> error     error of the declared start, if every start failed
    !> monitor   informed of every iteration and of finished starts
@@ -88,7 +90,7 @@ contains
          if (allocated(outcomes(k)%error)) then
             failures = failures + 1
          else
-            call collect(outcomes, k, found, counts)
+            call collect(outcomes, experiments, k, found, counts)
          end if
       end do
       allocate (minima(size(found)))
@@ -166,10 +168,11 @@ contains
    !> Counts a start with the minimum that it has found, or inserts it as a new minimum.
    !>
    !> k       number of the start
-   !> found   (minima) number of the first start that has led to each minimum, by ascending J
+   !> found   (minima) number of the first start that has led to each minimum, by ascending misfit
    !> counts  (minima) number of starts that have led to each
-   subroutine collect(outcomes, k, found, counts)
+   subroutine collect(outcomes, experiments, k, found, counts)
       type(outcome_t), intent(in) :: outcomes(:)
+      type(experiment_t), intent(in) :: experiments(:)
       integer, intent(in) :: k
       integer, allocatable, intent(inout) :: found(:), counts(:)
       integer :: i, last, position
@@ -182,7 +185,8 @@ contains
                counts(i) = counts(i) + 1
                return
             end if
-            if (old%fit%J <= new%fit%J) position = i + 1
+            if (misfit_of_fit(old, experiments) <= misfit_of_fit(new, experiments)) &
+               position = i + 1
          end associate
       end do
       found = [found(:position - 1), k, found(position:)]
@@ -193,9 +197,27 @@ contains
    pure logical function same_minimum(a, b)
       type(stage_fit_t), intent(in) :: a, b
 
-      same_minimum = abs(a%fit%J - b%fit%J) <= same_sum*max(a%fit%J, b%fit%J) .and. &
-         all(abs(a%fit%estimate - b%fit%estimate) <= same_estimate &
+      ! An automatic start may keep parameters fixed.
+      same_minimum = size(a%free) == size(b%free)
+      if (.not. same_minimum) return
+      same_minimum = all(a%free == b%free) .and. abs(a%fit%J - b%fit%J) <= same_sum* &
+         max(a%fit%J, b%fit%J)
+      if (.not. same_minimum) return
+      same_minimum = all(abs(a%fit%estimate - b%fit%estimate) <= same_estimate &
          *max(abs(a%fit%estimate), abs(b%fit%estimate)))
    end function same_minimum
+
+   !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
+   pure real(wp) function misfit_of_fit(fit, experiments) result(misfit)
+      type(stage_fit_t), intent(in) :: fit
+      type(experiment_t), intent(in) :: experiments(:)
+      integer :: k
+
+      misfit = fit%fit%J
+      if (size(experiments) == 1 .or. &
+         all([(allocated(experiments(k)%sd), k=1, size(experiments))])) return
+      misfit = misfit_of_records(fit%residual, [(size(experiments(k)%measured), &
+         k=1, size(experiments))])
+   end function misfit_of_fit
 
 end module beamid_multistart

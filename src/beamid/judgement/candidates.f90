@@ -1,7 +1,7 @@
 !> Candidate models of the same records, which `compare` ranks: fits each, counts its estimated
 !> parameters, and tells which model is nested in which.
 module beamid_candidates
-   use beamid_criteria, only: aicc, bic, misfit_of_records
+   use beamid_criteria, only: aicc, bic
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
@@ -11,6 +11,7 @@ module beamid_candidates
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_mechanisms, only: is_of_damping
+   use beamid_multistart, only: misfit_of_fit
    use beamid_parameter_names, only: is_there
    use beamid_parameters, only: get_free, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
@@ -177,13 +178,8 @@ contains
    !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
    pure real(wp) function sum_of_squares(self) result(J)
       class(candidate_t), intent(in) :: self
-      integer :: k
 
-      J = self%fit%fit%J
-      if (size(self%experiments) == 1 .or. &
-         all([(allocated(self%experiments(k)%sd), k=1, size(self%experiments))])) return
-      J = misfit_of_records(self%fit%residual, [(size(self%experiments(k)%measured), &
-         k=1, size(self%experiments))])
+      J = misfit_of_fit(self%fit, self%experiments)
    end function sum_of_squares
 
    !> Returns whether `small` is nested in `large`: it is `large` with some free parameters fixed.

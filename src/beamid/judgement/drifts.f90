@@ -127,7 +127,7 @@ contains
       do r = 1, size(experiments)
          associate (t => experiments(r)%samples, m => size(experiments(r)%samples))
             rows = [rows, pack([(first + i, i=1, m)], in_window(t, k, windows))]
-            first = first + m
+            first = first + size(experiments(r)%measured)
          end associate
       end do
       columns = pack([(i, i=1, size(fit%quantities))], &

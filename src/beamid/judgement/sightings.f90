@@ -2,6 +2,8 @@
 !> model leaves unexplained.
 module beamid_sightings
    use beamid_decaying_lines, only: find_lines, refine_lines
+   use beamid_driven_modes, only: weigh_driven_modes
+   use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
@@ -35,9 +37,9 @@ contains
 
    !> Returns what one record shows of each mode.
    !>
-   !> A mode is seen if a spectral line stands beside it, or if it was fitted and reduces J by more
-   !> than noise would. A mode on a multiple of the first mode's frequency or of the mains may be
-   !> that multiple.
+   !> A mode is seen if a spectral line stands beside it, or if it reduces J by more than noise
+   !> would. In a free motion, a mode on a multiple of the first mode's frequency or of the mains
+   !> may be that multiple.
    !>
    !> r         number of the record
    !> row       number of residuals of the records before it
@@ -67,19 +69,40 @@ contains
                gain = 0
                if (k <= modes) call weigh_mode(fit, r, k, row, experiment, residual, s(k), &
                   sighting%share, gain)
+               if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
+               if (sighting%verdict == 'seen' .and. modes > 0 .and. is_multiple(s, k, gain, &
+                  lines, span)) sighting%verdict = merge('mains   ', 'harmonic', &
+                  near_mains(sighting%model, span, 0.0_wp))
+               if (sighting%verdict == 'seen' .and. k <= modes) then
+                  if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
+                     sighting%verdict = 'harmonic'
+               end if
             end associate
-            if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
-            if (sighting%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
-               sighting%verdict = merge('mains   ', 'harmonic', near_mains(sighting%model, span, &
-               0.0_wp))
-            if (sighting%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
-               if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
-                  sighting%verdict = 'harmonic'
-            end if
             found = [found, sighting]
          end do
       end associate
+      if (fit%scenario%excitations(r)%modes == 0 .and. any(found%verdict == 'unseen')) &
+         call see_driven_modes(experiment, fit%scenario%excitations(r), residual, s, found)
    end function modes_in_record
+
+   !> Changes 'unseen' into 'seen' for the modes without a spectral line that a known force has
+   !> excited.
+   !>
+   !> residual  (m) residuals of this record [length/time**2]
+   !> s         (all) roots of its structure [1/time]
+   subroutine see_driven_modes(experiment, excitation, residual, s, modes)
+      type(experiment_t), intent(in) :: experiment
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: residual(:)
+      complex(wp), intent(in) :: s(:)
+      type(sighting_t), intent(inout) :: modes(:)
+      real(wp), dimension(size(modes)) :: share, gain
+
+      call weigh_driven_modes(excitation, experiment%samples, experiment%measured, residual, &
+         s(modes%mode), share, gain)
+      where (modes%verdict == 'unseen') modes%share = share
+      where (modes%verdict == 'unseen' .and. gain > least_gain) modes%verdict = 'seen'
+   end subroutine see_driven_modes
 
    !> Finds the spectral lines that a fit leaves in the residuals of one record.
    !>

@@ -55,6 +55,12 @@ contains
       if (designs%box%modes > 0) call text%line('the initial amplitudes and phases of the '// &
          'lowest '//to_text(designs%box%modes)//' modes are treated as unknown')
       call add_fixed()
+      associate (records => size(case%recordings), sensors => merge(2, 1, &
+         any([(designs%list(k)%x_S(2) > 0, k=1, size(designs%list))])))
+         if (records > sensors) call text%line('''present'' has the '//to_text(records)// &
+            ' records of the case, a design only '//to_text(sensors)//': compare designs with '// &
+            'each other')
+      end associate
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &

@@ -50,25 +50,29 @@ contains
       type(experiment_t), intent(in) :: experiments(:)
       class(row_table_t), allocatable, intent(out) :: table
       type(fit_curves_t), allocatable :: curves
-      integer :: i, k, m
+      integer, allocatable :: row(:)   ! of a sample among all residuals
+      integer :: before, i, k, m
 
       allocate (curves)
       associate (sizes => [(size(experiments(i)%samples), i=1, size(experiments))])
          curves%last = [(sum(sizes(:i)), i=1, size(sizes))]
          m = sum(sizes)
       end associate
-      allocate (curves%t(m), curves%measured(m), curves%curves(size(fits)))
+      allocate (curves%t(m), curves%measured(m), curves%curves(size(fits)), row(m))
+      before = 0
       do i = 1, size(experiments)
          associate (first => curves%last(i) - size(experiments(i)%samples) + 1, last => &
             curves%last(i))
             curves%t(first:last) = experiments(i)%samples
             curves%measured(first:last) = experiments(i)%measured(:last - first + 1)
+            row(first:last) = before + [(k, k=1, last - first + 1)]
          end associate
+         before = before + size(experiments(i)%measured)
       end do
       do k = 1, size(fits)
          curves%curves(k)%elements = fits(k)%elements
-         curves%curves(k)%residual = fits(k)%residual(:m)
-         call find_sd(fits(k), curves%last, curves%curves(k)%sd)
+         curves%curves(k)%residual = fits(k)%residual(row)
+         call find_sd(fits(k), row, curves%last, curves%curves(k)%sd)
       end do
       curves%rows = m*size(fits)
       call move_alloc(curves, table)
@@ -76,11 +80,12 @@ contains
 
    !> Computes the standard deviations of a model's curve.
    !>
+   !> row   (m) row of each sample in the Jacobian
    !> last  (records) number of the last sample
    !> sd    (m), or of size 0 if a parameter is not determined
-   pure subroutine find_sd(fit, last, sd)
+   pure subroutine find_sd(fit, row, last, sd)
       type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: last(:)
+      integer, intent(in) :: row(:), last(:)
       real(wp), allocatable, intent(out) :: sd(:)
       real(wp), allocatable :: covariance(:, :)
       real(wp) :: change(block_rows), variance(block_rows)
@@ -96,9 +101,9 @@ contains
          do j = 1, size(covariance, 2)
             change = 0
             do k = 1, size(covariance, 1)
-               change(:n) = change(:n) + covariance(k, j)*fit%jacobian(first:first + n - 1, k)
+               change(:n) = change(:n) + covariance(k, j)*fit%jacobian(row(first:first + n - 1), k)
             end do
-            variance(:n) = variance(:n) + change(:n)*fit%jacobian(first:first + n - 1, j)
+            variance(:n) = variance(:n) + change(:n)*fit%jacobian(row(first:first + n - 1), j)
          end do
          sd(first:first + n - 1) = sqrt(max(0.0_wp, variance(:n)))
       end do

@@ -171,13 +171,13 @@ contains
          row = 0
          do i = 1, size(experiments)
             do j = 1, size(experiments(i)%samples)
-               row = row + 1
-               values = posterior%motion(row, :)
+               values = posterior%motion(row + j, :)
                call sort(values)
                call motion%line(csv_row(to_text(fit%elements)//','//to_text(i), &
                   [experiments(i)%samples(j), quantile(values, 0.025_wp), &
                   quantile(values, 0.5_wp), quantile(values, 0.975_wp)]))
             end do
+            row = row + size(experiments(i)%measured)
          end do
       end subroutine add_motion
 

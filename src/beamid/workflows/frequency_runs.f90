@@ -37,9 +37,10 @@ module beamid_frequency_runs
       real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
       type(case_t) :: fitted                   !< the case without records that have no file
       type(experiment_t), allocatable :: experiments(:)   !< of the fit
-      !> largest relative change of a natural frequency in the last refinement of the mesh; 0:
-      !> none was refined
+      !> largest relative change of a natural frequency in the last refinement of the mesh; 0: the
+      !> mesh was not refined
       real(wp) :: remaining = 0
+      integer :: record = 1   !< number of the record of the fit whose structure responds
    end type case_response_t
 
 contains
@@ -74,6 +75,7 @@ contains
       if (allocated(error)) return
       call find_fit(case, found, error)
       if (allocated(error)) return
+      if (has_file(place)) found%record = count(has_file(:place))
       if (.not. allocated(recording%path) .or. allocated(recording%lines%step)) then
          call line_frequencies(case%path, recording, found%frequency, error)
          return
@@ -83,7 +85,7 @@ contains
             'f_first, f_last and f_step, or a &stage', error)
          return
       end if
-      select type (observed => found%experiments(count(has_file(:place)))%observed)
+      select type (observed => found%experiments(found%record)%observed)
       type is (frequency_response_t)
          found%frequency = observed%frequency
       end select
@@ -95,15 +97,39 @@ contains
       type(case_response_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: notes(:)
+      logical :: has_file(size(case%recordings))
       integer :: k
 
       if (size(case%stages) == 0) return
+      has_file = [(allocated(case%recordings(k)%path), k=1, size(has_file))]
       found%fitted = case
-      found%fitted%recordings = pack(case%recordings, [(allocated(case%recordings(k)%path), &
-         k=1, size(case%recordings))])
+      found%fitted%recordings = pack(case%recordings, has_file)
       found%is_fitted = can_be_fitted(found%fitted)
+      if (found%is_fitted) call check_order(case, has_file, error)
+      if (allocated(error)) return
       if (found%is_fitted) call load_experiments(found%fitted, found%experiments, notes, error)
    end subroutine find_fit
+
+   !> Refuses a record without a file before one with a file if other groups refer to records by
+   !> their numbers: the fit leaves it out, and the numbers would change.
+   !>
+   !> has_file  (records)
+   subroutine check_order(case, has_file, error)
+      type(case_t), intent(in) :: case
+      logical, intent(in) :: has_file(:)
+      type(error_t), allocatable, intent(inout) :: error
+      logical :: refers
+      integer :: k
+
+      if (all(has_file(:count(has_file)))) return
+      refers = size(case%excitations) > 1 .or. any(case%model%priors%record > 0)
+      do k = 1, size(case%stages)
+         refers = refers .or. any(case%stages(k)%record > 0)
+      end do
+      if (refers) call refuse(case%path, case%recordings(findloc(has_file, .false., dim=1))%line, &
+         'record', 'no file, before a record with a file', 'it behind all records with a file', &
+         error)
+   end subroutine check_order
 
    !> Fits the case if it can be fitted, and computes the frequency response on each mesh. Without a
    !> fit and without `elements`, the mesh is refined for the lowest natural frequencies.
@@ -133,7 +159,7 @@ contains
       do k = 1, size(case%meshes)
          if (found%is_fitted) then
             associate (last => fits(size(fits, 1), k))
-               call compute_one(found, case%meshes(k), last%scenario%structures(1), &
+               call compute_one(found, case%meshes(k), last%scenario%structures(found%record), &
                   found%h(:, k), error, last, found%band(:, :, k))
             end associate
          else
@@ -162,6 +188,7 @@ contains
       type(work_t) :: work
       integer, allocatable :: free(:)
       complex(wp), allocatable :: response(:, :)
+      integer :: k
 
       placed = found%experiment%structure_of(structure)
       free = [integer ::]
@@ -175,6 +202,10 @@ contains
          found%frequency, free, response, work, error)
       if (allocated(error)) return
       h = response(:, 0)
+      ! Parameters of other records do not act on this structure.
+      do k = 1, size(free)
+         if (all(fit%quantities(k)%record /= [0, found%record])) response(:, k) = 0
+      end do
       if (present(fit)) band = band_of_magnitude(fit, h, response(:, 1:))
    end subroutine compute_one
 
