@@ -26,7 +26,7 @@ program test_free_start
    use checks, only: check, check_close, finish
    use free_decays, only: first_offset, formulas, made, make_two, mesh, names, noise_of, noisy, &
       stage_for, stamps, true_offset, truth
-   use models, only: model_of
+   use models, only: model_of, stage_of
    use whole_problem, only: new_whole, whole_t
    implicit none
 
@@ -38,6 +38,7 @@ program test_free_start
    call test_other_structures()
    call test_sensor_at_tip()
    call test_offset_alone()
+   call test_trap()
    call test_refusals()
    call finish('free_start')
 
@@ -387,6 +388,50 @@ contains
             0.2_wp*noise_of(experiment))
       end associate
    end subroutine test_offset_alone
+
+   !> A steel bar in a vice with k_R l/(E I) = 55. A rigid clamp with a softer bar has the same first
+   !> frequency, but mode 2 is a third of a cycle late at the end. A search for k_R that starts from
+   !> there stays at the rigid clamp. The stage is repeated from the spectral lines then, and finds
+   !> the truth, unless its start is declared.
+   subroutine test_trap()
+      type(structure_t) :: bar, guess
+      type(experiment_t) :: record(1)
+      type(stage_t) :: stages(2)
+      type(stage_fit_t), allocatable :: fits(:), trapped(:)
+      type(error_t), allocatable :: error
+      integer :: k
+
+      bar = structure_t(length=0.42_wp, rho=0.58725_wp, E=2.05e11_wp, I=5.625e-11_wp, &
+         c_D=2e6_wp, gamma=0.1_wp, sensor=sensor_t(m_S=0.012_wp, x_S=0.4_wp))
+      guess = bar
+      guess%E = 2.1e11_wp
+      guess%gamma = 0.05_wp
+      bar%end(1)%kappa_R = 1/1500.0_wp
+      record(1) = made(bar, new_release(0.01_wp, 0.0_wp, .true.), formulas(3), &
+         [(0.3_wp + 1e-3_wp*k, k=0, 3699)])
+      record(1) = noisy(record(1), gaussian_noise(3700, 0.02_wp, 61))
+      record(1)%excitation = new_free(4)
+      stages(1) = stage_of([character(len=5) :: 'E', 'c_D', 'gamma'], offset=.true.)
+      stages(2) = stage_of([character(len=5) :: 'E', 'c_D', 'gamma', 'k_R'], offset=.true.)
+      stages(1)%automatic = .true.
+      call identify(model_of(guess, new_free(4), formulas(3)), mesh, stages, record, fits, error)
+      call check('clamp: fitted', .not. allocated(error))
+      if (allocated(error)) return
+      do k = 1, 4
+         associate (q => fits(2)%quantities(k), s => fits(2)%statistics)
+            call check_close('clamp: '//trim(q%name)//' in standard errors', &
+               (q%searched - bar%get(q%parameter))/s%std_error(k), 0.0_wp, 5.0_wp)
+         end associate
+      end do
+      stages(2)%declared = .true.
+      call identify(model_of(guess, new_free(4), formulas(3)), mesh, stages, record, trapped, &
+         error)
+      call check('clamp, from the stage before: fitted', .not. allocated(error))
+      if (allocated(error)) return
+      call check('clamp, from the stage before: stays rigid', &
+         .not. abs(trapped(2)%quantities(4)%searched) > 0 .and. trapped(2)%fit%J > &
+         100*fits(2)%fit%J, to_text(trapped(2)%fit%J/fits(2)%fit%J))
+   end subroutine test_trap
 
    !> What cannot be done ends with a message, never with numbers.
    subroutine test_refusals()

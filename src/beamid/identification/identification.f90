@@ -3,6 +3,7 @@
 !> This is the entry point for a complete fit; it runs `beamid_stages`.
 module beamid_identification
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_criteria, only: misfit_of_records
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
@@ -21,7 +22,7 @@ module beamid_identification
    private
 
    public :: model_t, stage_t, simulation_t, stage_fit_t, outcome_t, quantity_t, simulate, &
-      identify, identify_meshes, score_fits
+      identify, identify_meshes, misfit_of_fit, score_fits
 
    !> The results of all stages on one mesh, or the error.
    type :: outcome_t
@@ -101,10 +102,57 @@ contains
                error%message
             return
          end if
+         if (k > 1) call try_automatic_start(model, mesh, experiments, free, stage, [(all( &
+            fits(k - 1)%free /= stage%free(p)), p=1, size(stage%free))], options, problem, fits(k))
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
       end do
    end subroutine identify_experiments
+
+   !> Repeats a later stage from the spectral lines of free decays if a parameter that it adds has
+   !> stayed at its bound, and keeps the better fit. From the estimates without this parameter, the
+   !> search may have found the nearest minimum only.
+   !>
+   !> free     parameters of all stages
+   !> added    (free parameters of the stage) whether the stage before does not have it
+   !> problem  in: at the end of the stage; out: the same for the fit that is kept
+   !> fit      in: of the stage; out: the better fit
+   subroutine try_automatic_start(model, mesh, experiments, free, stage, added, options, problem, &
+      fit)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      integer, intent(in) :: free(:)
+      type(stage_t), intent(in) :: stage
+      logical, intent(in) :: added(:)
+      type(options_t), intent(in) :: options
+      type(residual_t), intent(inout) :: problem
+      type(stage_fit_t), intent(inout) :: fit
+      real(wp), parameter :: clearly = 1e-3_wp   ! relative difference of two misfits
+      type(residual_t) :: fresh, exact
+      type(stage_t) :: again
+      type(stage_fit_t) :: found
+      type(error_t), allocatable :: error
+
+      if (allocated(stage%start) .or. stage%declared .or. any(experiments%excitation%modes == 0)) &
+         return
+      if (.not. (problem%exact .and. problem%is_all_time()) .or. size(added) == 0) return
+      associate (q => fit%quantities(:size(added)))
+         if (.not. any(added .and. (abs(q%searched) <= 0 .or. q%value <= q%lower .or. &
+            q%value >= q%upper))) return
+      end associate
+      again = stage
+      again%automatic = .true.
+      again%is_whole = .true.
+      call new_residuals(model, mesh, experiments, fresh, error, free)
+      if (.not. allocated(error)) call run_stage(fresh, exact, again, options, '', found, error)
+      ! Without another fit of all parameters, the first one stands.
+      if (allocated(error) .or. interrupted()) return
+      if (size(found%free) /= size(fit%free) .or. .not. misfit_of_fit(found, experiments) < &
+         (1 - clearly)*misfit_of_fit(fit, experiments)) return
+      fit = found
+      problem = fresh
+   end subroutine try_automatic_start
 
    !> Tells whether a search has failed, or its residuals hold more than half of the variance of the
    !> records.
@@ -126,6 +174,19 @@ contains
       end do
       is_poor = .not. left <= varied/2
    end function is_poor
+
+   !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
+   pure real(wp) function misfit_of_fit(fit, experiments) result(misfit)
+      type(stage_fit_t), intent(in) :: fit
+      type(experiment_t), intent(in) :: experiments(:)
+      integer :: k
+
+      misfit = fit%fit%J
+      if (size(experiments) == 1 .or. &
+         all([(allocated(experiments(k)%sd), k=1, size(experiments))])) return
+      misfit = misfit_of_records(fit%residual, [(size(experiments(k)%measured), &
+         k=1, size(experiments))])
+   end function misfit_of_fit
 
    !> Runs the stages on the samples of one record.
    !>

@@ -1,10 +1,10 @@
 !> Fits from several starts: which minima of J exist, and how often each is found.
 module beamid_multistart
-   use beamid_criteria, only: misfit_of_records
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, model_t, outcome_t, stage_fit_t
+   use beamid_identification, only: identify, misfit_of_fit, model_t, outcome_t, &
+      stage_fit_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -15,8 +15,7 @@ module beamid_multistart
    implicit none
    private
 
-   public :: multistart_t, minimum_t, minima_t, identify_from_many, identify_meshes_from_many, &
-      misfit_of_fit
+   public :: multistart_t, minimum_t, minima_t, identify_from_many, identify_meshes_from_many
 
    !> Number and spread of the starts.
    type :: multistart_t
@@ -206,18 +205,5 @@ contains
       same_minimum = all(abs(a%fit%estimate - b%fit%estimate) <= same_estimate &
          *max(abs(a%fit%estimate), abs(b%fit%estimate)))
    end function same_minimum
-
-   !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
-   pure real(wp) function misfit_of_fit(fit, experiments) result(misfit)
-      type(stage_fit_t), intent(in) :: fit
-      type(experiment_t), intent(in) :: experiments(:)
-      integer :: k
-
-      misfit = fit%fit%J
-      if (size(experiments) == 1 .or. &
-         all([(allocated(experiments(k)%sd), k=1, size(experiments))])) return
-      misfit = misfit_of_records(fit%residual, [(size(experiments(k)%measured), &
-         k=1, size(experiments))])
-   end function misfit_of_fit
 
 end module beamid_multistart

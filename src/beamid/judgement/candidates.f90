@@ -7,11 +7,11 @@ module beamid_candidates
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t, same_mesh
-   use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
+   use beamid_identification, only: identify_meshes, misfit_of_fit, model_t, &
+      stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_mechanisms, only: is_of_damping
-   use beamid_multistart, only: misfit_of_fit
    use beamid_parameter_names, only: is_there
    use beamid_parameters, only: get_free, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
