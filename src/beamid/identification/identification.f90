@@ -103,7 +103,8 @@ contains
             return
          end if
          if (k > 1) call try_automatic_start(model, mesh, experiments, free, stage, [(all( &
-            fits(k - 1)%free /= stage%free(p)), p=1, size(stage%free))], options, problem, fits(k))
+            fits(k - 1)%free /= stage%free(p)), p=1, size(stage%free))], options, problem, &
+            fits(k), monitor)
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
       end do
@@ -117,8 +118,9 @@ contains
    !> added    (free parameters of the stage) whether the stage before does not have it
    !> problem  in: at the end of the stage; out: the same for the fit that is kept
    !> fit      in: of the stage; out: the better fit
+   !> monitor  informed of every iteration
    subroutine try_automatic_start(model, mesh, experiments, free, stage, added, options, problem, &
-      fit)
+      fit, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
@@ -128,6 +130,7 @@ contains
       type(options_t), intent(in) :: options
       type(residual_t), intent(inout) :: problem
       type(stage_fit_t), intent(inout) :: fit
+      class(monitor_t), intent(inout), optional :: monitor
       real(wp), parameter :: clearly = 1e-3_wp   ! relative difference of two misfits
       type(residual_t) :: fresh, exact
       type(stage_t) :: again
@@ -145,7 +148,8 @@ contains
       again%automatic = .true.
       again%is_whole = .true.
       call new_residuals(model, mesh, experiments, fresh, error, free)
-      if (.not. allocated(error)) call run_stage(fresh, exact, again, options, '', found, error)
+      if (.not. allocated(error)) call run_stage(fresh, exact, again, options, 'N = '// &
+         to_text(mesh%elements)//', the stage repeated', found, error, monitor)
       ! Without another fit of all parameters, the first one stands.
       if (allocated(error) .or. interrupted()) return
       if (size(found%free) /= size(fit%free) .or. .not. misfit_of_fit(found, experiments) < &

@@ -124,7 +124,7 @@ contains
       if (all(has_file(:count(has_file)))) return
       refers = size(case%excitations) > 1 .or. any(case%model%priors%record > 0)
       do k = 1, size(case%stages)
-         refers = refers .or. any(case%stages(k)%record > 0)
+         if (allocated(case%stages(k)%record)) refers = refers .or. any(case%stages(k)%record > 0)
       end do
       if (refers) call refuse(case%path, case%recordings(findloc(has_file, .false., dim=1))%line, &
          'record', 'no file, before a record with a file', 'it behind all records with a file', &
