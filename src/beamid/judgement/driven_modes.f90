@@ -25,7 +25,7 @@ contains
    !> s           (modes) roots with Im s > 0 [1/time]
    !> share       (modes) share of the record's variance
    !> gain        (modes) by how much the mode reduces the sum of squares, over the variance of the
-   !>             noise around its frequency; 0 for records that are too short
+   !>             noise around its frequency; 0 for records that are too short or constant
    subroutine weigh_driven_modes(excitation, t, z, residual, s, share, gain)
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: t(:), z(:), residual(:)
@@ -39,7 +39,8 @@ contains
 
       share = 0
       gain = 0
-      if (size(a, 1) <= size(a, 2)) return
+      variance = sum((z - sum(z)/size(z))**2)
+      if (size(a, 1) <= size(a, 2) .or. .not. variance > 0) return
       do k = 1, size(s)
          call add_state(s(k), (1.0_wp, 0.0_wp), a(:, 2*k - 1))
          call add_state(s(k), (0.0_wp, -1.0_wp), a(:, 2*k))
@@ -48,16 +49,16 @@ contains
       a(:, 2*size(s) + 2) = excitation%force(t)
       is_used = norm2(a, dim=1) > 0
       step = fitted(is_used)
-      variance = sum((z - sum(z)/size(z))**2)
       do k = 1, size(s)
          associate (its => a(:, 2*k - 1:2*k))
-            if (variance > 0) share(k) = min(1.0_wp, sum(matmul(its, step(2*k - 1:2*k))**2) &
-               /variance)
+            share(k) = min(1.0_wp, sum(matmul(its, step(2*k - 1:2*k))**2)/variance)
          end associate
          others = is_used
          others(2*k - 1:2*k) = .false.
+         ! A record without noise has errors of computation.
          gain(k) = (sum((z - matmul(a, fitted(others)))**2) - sum((z - matmul(a, step))**2)) &
-            /noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k)))
+            /max(noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k))), &
+            epsilon(1.0_wp)*variance/size(z))
       end do
 
    contains

@@ -144,7 +144,7 @@ type(stage_fit_t), intent(in) :: fit
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: j
       type(units_t), intent(in) :: units
-character(len=:), allocatable :: line
+      character(len=:), allocatable :: line
       real(wp) :: effect, unit
       integer :: k
 
@@ -164,14 +164,14 @@ character(len=:), allocatable :: line
             associate (q => fit%quantities(k))
                if (line(len(line) - 6:) /= ' moves ') line = line//', '
                effect = unit*held%effect(k)
-               if (q%is_reciprocal()) effect = -effect
-               line = line//trim(q%name)//' by '
                if (.not. abs(held%effect(k)) < unlimited) then
-                  line = line//'an unknown amount'
+                  line = line//trim(q%name)//' by an unknown amount'
                else if (abs(effect) < 1e6_wp*abs(q%searched)) then
-                  line = line//filled('#.2 %', [100*effect/abs(q%searched)])
+                  if (q%is_reciprocal()) effect = -effect
+                  line = line//trim(q%name)//filled(' by #.2 %', [100*effect/abs(q%searched)])
                else
-                  line = line//to_text(effect)
+                  ! There is no reference for a share: a value of 0, or a rigid spring.
+                  line = line//trim(q%searched_name())//' by '//to_text(effect)
                end if
             end associate
          end do
