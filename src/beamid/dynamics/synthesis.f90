@@ -28,7 +28,7 @@ module beamid_synthesis
       type(cluster_state_t), allocatable :: cluster(:)   !< states of the clusters
       real(wp) :: t = 0                               !< time of the states [time]
       integer :: node = 1                             !< last node of the force at or before t
-      real(wp) :: behind = 0   !< t minus the sum of all step lengths, round-off [time]
+      real(wp) :: behind = 0   !< t minus the sum of all step lengths: round-off [time]
    contains
       procedure :: columns, through
       procedure, private :: plan
@@ -47,7 +47,7 @@ module beamid_synthesis
    integer, parameter :: block_size = 500
    !> At the end of a block, states below this number are set to 0. Processors take a hundred times
    !> as long for products that underflow.
-   real(wp), parameter :: nothing = 1e-150_wp
+   real(wp), parameter :: underflow_limit = 1e-150_wp
 
 contains
 
@@ -67,7 +67,7 @@ contains
       real(wp), intent(out) :: motion(:, 0:, :)
       type(states_t) :: states
       real(wp), allocatable :: x(:, :), weights(:, :, :)
-      integer :: first, last, q
+      integer :: first, last, p, q
 
       states = at_rest(poles, excitation, size(motion, 2) > 1)
       allocate (x(min(block_size, size(times)), states%columns()))
@@ -84,8 +84,8 @@ contains
       do q = 1, size(which)
          if (which(q) < 3) cycle
          associate (force => excitation%force(times), impulse => [poles%impulse, poles%dimpulse])
-            do last = 0, size(motion, 2) - 1
-               motion(:, last, q) = motion(:, last, q) + impulse(last + 1)*force
+            do p = 0, size(motion, 2) - 1
+               motion(:, p, q) = motion(:, p, q) + impulse(p + 1)*force
             end do
          end associate
       end do
@@ -182,8 +182,8 @@ contains
 
    !> Advances the states through given times, and through the nodes of the force in between.
    !>
-   !> times  ascending, not before the time of the states [time]; before the first node the states
-   !>        are 0
+   !> times  ascending, also from call to call [time]; at times before the first node the states are
+   !>        0
    !> x      (times or more, columns) states at the times: for z, for y and for each cluster, all
    !>        real parts, then all imaginary parts
    subroutine through(self, poles, excitation, times, x)
@@ -323,7 +323,7 @@ contains
          associate (by => steps(j), h => steps(j)%length)
             if (.not. by%same) then
                growth = exp(s*h)
-               if (abs(real(growth)) + abs(aimag(growth)) < nothing) growth = 0
+               if (abs(real(growth)) + abs(aimag(growth)) < underflow_limit) growth = 0
                known = .false.
             end if
             if (with_slope) then
@@ -354,10 +354,10 @@ contains
          end associate
       end do
       z = [z_re, z_im]
-      if (sum(abs(z)) < nothing) z = 0
+      if (sum(abs(z)) < underflow_limit) z = 0
       if (.not. with_slope) return
       y = [y_re, y_im]
-      if (sum(abs(y)) < nothing) y = 0
+      if (sum(abs(y)) < underflow_limit) y = 0
    end subroutine march
 
    !> Returns phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 -
@@ -379,7 +379,7 @@ contains
          phi(3) = (exponential*(x - 1) + 1)/x**2
          phi(4) = (exponential*(x - 2) + (x + 2))/x**3
       else
-         ! phi_3 = sum x**k/(k + 3)!, with a remainder of 2**24/27! < 1e-20.
+         ! phi_3 = sum x**k/(k + 3)!; the first term left out is at most 2**25/28!.
          phi_3 = 1
          do k = 24, 1, -1
             phi_3 = 1 + phi_3*x*(1.0_wp/(k + 3))

@@ -19,8 +19,7 @@ contains
    !> bulk       effective sample size for the middle of the distribution (bulk-ESS)
    !> tail       effective sample size for the tails (tail-ESS): the smaller of the sizes for the
    !>            5 % and the 95 % quantile
-   !> reduction  potential scale reduction: 1 if chains agree in location and scale; above 1.01 they
-   !>            do not
+   !> reduction  potential scale reduction: 1 if chains agree in location and scale, otherwise above
    subroutine diagnose_chains(draws, bulk, tail, reduction)
       real(wp), intent(in) :: draws(:, :)
       real(wp), intent(out) :: bulk, tail, reduction
@@ -209,7 +208,7 @@ contains
 
    contains
 
-      !> Returns the autocorrelation at a lag over all chains.
+      !> Returns the autocorrelation at a lag above 0 over all chains.
       real(wp) function correlation(lag)
          integer, intent(in) :: lag
          real(wp) :: covariance
@@ -221,7 +220,6 @@ contains
                draws(lag + 1:, k) - means(k))/n/size(draws, 2)
          end do
          correlation = 1 - (within - covariance)/total_variance
-         if (lag == 0) correlation = 1
       end function correlation
 
    end function effective_size

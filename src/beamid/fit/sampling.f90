@@ -4,11 +4,11 @@
 !>
 !> The density takes nearly all the time. Near the mode, a polynomial (`beamid_surrogates`) stands
 !> in for it, and the density p itself is computed only for a random share of the draws there. If
-!> the weight by the polynomial is w, and by the density c w, these draws get the weight
-!> w (1 + (c - 1)/share) and the others w. The mean of this random weight is c w, so that the draws
-!> are still those of p (Fearnhead, Papaspiliopoulos and Roberts, J. R. Statist. Soc. B 70, 2008,
-!> 755). Its scatter counts in the effective sample size. If such a weight is not positive, p is
-!> computed at all draws.
+!> the weight by the polynomial is w, and by the density c w, a draw at which p is computed gets the
+!> weight w (1 + (c - 1)/share), and the remaining draws there keep w. The mean of this random
+!> weight is c w, so that the draws are still those of p (Fearnhead, Papaspiliopoulos and Roberts,
+!> J. R. Statist. Soc. B 70, 2008, 755). The variance of these weights counts in the effective
+!> sample size. If such a weight is not positive, p is computed at all draws that follow.
 module beamid_sampling
    use beamid_chains, only: diagnose_chains
    use beamid_densities, only: density_t, impossible
@@ -48,7 +48,7 @@ module beamid_sampling
       logical :: weighted = .true.        !< by importance sampling; .false.: by chains
       real(wp) :: k = 0                   !< shape of the Pareto distribution of the largest weights
       real(wp) :: effective = 0           !< effective sample size
-      integer :: evaluations = 0          !< of the density
+      integer :: evaluations = 0          !< of the density while drawing
       real(wp), allocatable :: bulk(:), tail(:)   !< (n) effective sample sizes
       real(wp), allocatable :: reduction(:)   !< (n) potential scale reduction
    end type draws_t
@@ -99,7 +99,7 @@ contains
    end subroutine sample
 
    !> Computes the effective sample sizes and the potential scale reduction; fails if chains do not
-   !> agree.
+   !> agree, or have fewer than 100 effective draws.
    subroutine compute_diagnostics(draws, error)
       type(draws_t), intent(inout) :: draws
       type(error_t), allocatable, intent(out) :: error
@@ -126,8 +126,9 @@ contains
          ' effective draws); the posterior may have several maxima, or none')
    end subroutine compute_diagnostics
 
-   !> Draws from the proposal until the effective sample size suffices. If the weights are not
-   !> reliable, fits the proposal to the draws and starts again, up to five times.
+   !> Draws from the proposal until the effective sample size suffices, or 50 times the wanted
+   !> number is drawn. If the weights are not reliable, fits the proposal to the draws and starts
+   !> again, for at most five rounds in all.
    !>
    !> is_reliable  whether the weights can be trusted
    subroutine draw_weighted(density, proposal, plan, draws, is_reliable, monitor)
@@ -237,7 +238,7 @@ contains
          evaluations, monitor)
    end subroutine draw_more
 
-   !> Draws the numbers `first` and following of one block. It copies the density here: a result
+   !> Computes the draws first, first + 1, ... of one block. It copies the density here: a result
    !> must not depend on what another evaluation in the same thread has left, and gfortran 12 calls
    !> through a wild pointer if a polymorphic variable is private to a thread without work.
    !>

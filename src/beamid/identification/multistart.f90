@@ -21,7 +21,8 @@ module beamid_multistart
    type :: multistart_t
       integer :: n = 0              !< number of starts; 0: the declared start alone
       integer :: seed = 1           !< of the random starts
-      !> starts lie between the declared start divided by `spread` and multiplied by it, > 1
+      !> > 1; starts lie between the declared start divided by `spread` and multiplied by it or, for
+      !> a parameter with two finite bounds, between these
       real(wp) :: spread = 3
    end type multistart_t
 
@@ -44,7 +45,7 @@ module beamid_multistart
 contains
 
    !> Runs all stages on one mesh from n starts of the first stage: the declared start and n - 1
-   !> random ones.
+   !> random starts.
    !>
    !> The starts are computed in parallel. The same seed gives the same starts.
    !>

@@ -35,7 +35,7 @@ module beamid_frequency_runs
       logical :: is_fitted = .false.           !< the structure is that of a fit
       type(experiment_t) :: experiment         !< where the force acts, and which sensor responds
       real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
-      type(case_t) :: fitted                   !< the case without records that have no file
+      type(case_t) :: fitted                   !< the case with those records only that have a file
       type(experiment_t), allocatable :: experiments(:)   !< of the fit
       !> largest relative change of a natural frequency in the last refinement of the mesh; 0: the
       !> mesh was not refined
@@ -45,8 +45,9 @@ module beamid_frequency_runs
 
 contains
 
-   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf'
-   !> without a file, or else with one, and loads the records if the case can be fitted.
+   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf' without a
+   !> file or, if there is none, of the first with a file, and loads the records if the case can be
+   !> fitted.
    !>
    !> error  no such record, or no frequencies
    subroutine prepare_responses(case, found, error)
