@@ -23,7 +23,7 @@ program test_design
    use checks, only: check, check_close, finish, in_long_run, skip
    use models, only: model_of, stage_of
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
-      read_file, write_file
+      read_file, replaced, write_file
    use single_responses, only: truth => table_4_1
    use tables, only: line, longest, number
    implicit none
@@ -475,6 +475,11 @@ contains
       call check('design: a target out of reach', has_all(outcome%out, 'none of the '// &
          'experiments reaches it|repeated|amplitude') .and. exists('far/design.csv') .and. &
          longest(outcome%out) <= 100, outcome%out)
+      call write_file('case.nml', replaced(case_text, '&noise', '&record t_first=0.2, '// &
+         't_last=5.0, t_step=0.1 /'//nl//'&noise')//' /'//nl)
+      outcome = beamid('design case.nml --out two')
+      call check('design: two records, designs of one', has_all(outcome%out, '''present'' has '// &
+         'the 2 records of the case, a design only 1'), outcome%err//outcome%out)
    end subroutine test_command
 
    subroutine test_refusals()

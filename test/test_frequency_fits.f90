@@ -519,6 +519,10 @@ contains
          decay_noise, 1.0_wp, 0.1_wp)
       call check_refused('windows beside a response', 2, 'identify', before//trim(records(1))// &
          nl//trim(records(2))//stage//nl//'&windows n=3 /', 'expected records in time alone')
+      ! The fit has the decay alone, whose number would be another.
+      call check_refused('frf: a record without a file first', 2, 'frf', before//at_F//band//nl// &
+         trim(records(2))//stage//nl//'&prior parameter=''length'', sd=0.001, record=2 /', &
+         'expected it behind all records with a file')
    end subroutine test_order
 
    !> Writes a free decay of the true beam after a pulse, with noise.
