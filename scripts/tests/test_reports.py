@@ -185,11 +185,11 @@ def page(request, browser):
         run(program(), "simulate", "dwell.nml", "--out", "dwell", "--quiet")
     if request.param.endswith("-fit"):
         run(program(), "frf", "strip.nml", "--out", "frf", "--quiet")
-    folder = OUT / request.param
-    shutil.rmtree(folder, ignore_errors=True)
     if request.param in PARTS:
         folder = request.getfixturevalue("everything") / request.param
     else:
+        folder = OUT / request.param
+        shutil.rmtree(folder, ignore_errors=True)
         for command in PAGES[request.param]:
             run(program(), *command, "--out", folder, "--quiet")
     command, *cases = (word for word in PAGES[request.param][-1] if word != "--damping")
