@@ -12,6 +12,7 @@ module beamid_identification
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_simulation, only: model_t, simulate, simulation_t
+   use beamid_smooth_fits, only: misfit_of
    use beamid_stage_fits, only: stage_fit_t
    use beamid_stages, only: run_stage
    use beamid_starts, only: check_frequencies
@@ -152,8 +153,8 @@ contains
          to_text(mesh%elements)//', the stage repeated', found, error, monitor)
       ! Without another fit of all parameters, the first one stands.
       if (allocated(error) .or. interrupted()) return
-      if (size(found%free) /= size(fit%free) .or. .not. misfit_of_fit(found, experiments) < &
-         (1 - clearly)*misfit_of_fit(fit, experiments)) return
+      if (size(found%free) /= size(fit%free) .or. .not. misfit_of(fresh, found%fit) < &
+         (1 - clearly)*misfit_of(problem, fit%fit)) return
       fit = found
       problem = fresh
    end subroutine try_automatic_start

@@ -3,8 +3,7 @@ module beamid_multistart
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, misfit_of_fit, model_t, outcome_t, &
-      stage_fit_t
+   use beamid_identification, only: identify, misfit_of_fit, model_t, outcome_t, stage_fit_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t

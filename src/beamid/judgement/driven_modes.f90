@@ -1,5 +1,6 @@
 !> What each mode contributes to a record whose force is known.
 module beamid_driven_modes
+   use beamid_condensation, only: condense_matrix, condensed_t
    use beamid_excitation, only: excitation_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
@@ -33,59 +34,59 @@ contains
       real(wp), intent(out) :: share(:), gain(:)
       real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
-      real(wp) :: a(size(t), 2*size(s) + 2), step(size(a, 2)), variance
+      real(wp) :: a(size(t), 2*size(s) + 2), motion(size(t), 0:0, 2), variance, J, J_without
+      real(wp), dimension(size(a, 2)) :: step, other_step
       logical, dimension(size(a, 2)) :: is_used, others
+      type(condensed_t) :: condensed
+      type(poles_t) :: pole
       integer :: k
 
       share = 0
       gain = 0
       variance = sum((z - sum(z)/size(z))**2)
       if (size(a, 1) <= size(a, 2) .or. .not. variance > 0) return
+      ! The displacement Re z and the velocity Re(s z) combine to every Re(c z).
+      pole%residue = [(1.0_wp, 0.0_wp)]
+      allocate (pole%cluster(0))
       do k = 1, size(s)
-         call add_state(s(k), (1.0_wp, 0.0_wp), a(:, 2*k - 1))
-         call add_state(s(k), (0.0_wp, -1.0_wp), a(:, 2*k))
+         pole%s = s(k:k)
+         call synthesize(pole, excitation, t, [1, 2], motion)
+         a(:, 2*k - 1:2*k) = motion(:, 0, :)
       end do
       a(:, 2*size(s) + 1) = 1
       a(:, 2*size(s) + 2) = excitation%force(t)
       is_used = norm2(a, dim=1) > 0
-      step = fitted(is_used)
+      call condense_matrix(a, z, condensed)
+      call fit_columns(is_used, step, J)
       do k = 1, size(s)
-         associate (its => a(:, 2*k - 1:2*k))
-            share(k) = min(1.0_wp, sum(matmul(its, step(2*k - 1:2*k))**2)/variance)
+         associate (its => [2*k - 1, 2*k])
+            share(k) = min(1.0_wp, sum(matmul(condensed%factor(:, its), step(its))**2)/variance)
+            others = is_used
+            others(its) = .false.
          end associate
-         others = is_used
-         others(2*k - 1:2*k) = .false.
+         call fit_columns(others, other_step, J_without)
          ! A record without noise has errors of computation.
-         gain(k) = (sum((z - matmul(a, fitted(others)))**2) - sum((z - matmul(a, step))**2)) &
-            /max(noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k))), &
+         gain(k) = (J_without - J)/max(noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k))), &
             epsilon(1.0_wp)*variance/size(z))
       end do
 
    contains
 
-      !> Computes Re(factor z) at the sample times for the state z of a mode.
-      subroutine add_state(root, factor, column)
-         complex(wp), intent(in) :: root, factor
-         real(wp), intent(out) :: column(:)
-         type(poles_t) :: pole
-         real(wp) :: motion(size(column), 0:0, 1)
-
-         pole%s = [root]
-         pole%residue = [factor]
-         allocate (pole%cluster(0))
-         call synthesize(pole, excitation, t, [1], motion)
-         column = motion(:, 0, 1)
-      end subroutine add_state
-
-      !> Returns the factors of some columns of `a` that fit the record best; 0 for the others.
-      function fitted(columns) result(factors)
+      !> Fits some columns of `a` to the record.
+      !>
+      !> factors  of the columns; 0 for the others
+      !> J        sum of squares, up to what no column can explain
+      subroutine fit_columns(columns, factors, J)
          logical, intent(in) :: columns(:)
-         real(wp) :: factors(size(columns))
+         real(wp), intent(out) :: factors(:), J
          integer :: rank
 
-         call least_squares_step(a, -z, 1/max(norm2(a, dim=1), tiny(1.0_wp)), columns, &
-            independent, factors, rank)
-      end function fitted
+         associate (R => condensed%factor, y => condensed%y)
+            call least_squares_step(R, -y, 1/max(norm2(R, dim=1), tiny(1.0_wp)), columns, &
+               independent, factors, rank)
+            J = sum((y - matmul(R, factors))**2)
+         end associate
+      end subroutine fit_columns
 
    end subroutine weigh_driven_modes
 
