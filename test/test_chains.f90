@@ -61,10 +61,10 @@ contains
       x = reshape(ar(n*m, phi, seed), [n, m])
    end function chains_of
 
-   !> 251 draws of each: the one in the middle counts in neither half. The two draws beside the
-   !> median are equally far from it. In ArviZ their distances differ by round-off, so that their
-   !> ranks differ, and the reduction is 1.0005508658824152. The value below is that of the same
-   !> formulas in NumPy with equal ranks.
+   !> 251 draws of each chain: the one in the middle counts in neither half. The two draws beside
+   !> the median are equally far from it. In ArviZ their distances differ by round-off, so that
+   !> their ranks differ, and the reduction is 1.0005508658824152. The value below is that of the
+   !> same formulas in NumPy with equal ranks.
    subroutine test_odd_length()
       call compare('odd', chains_of(251, 3, 0.5_wp, 6), 294.2181532136634_wp, &
          418.8104571575183_wp, 1.0005473394369693_wp)

@@ -479,7 +479,7 @@ contains
          't_last=5.0, t_step=0.1 /'//nl//'&noise')//' /'//nl)
       outcome = beamid('design case.nml --out two')
       call check('design: two records, designs of one', has_all(outcome%out, '''present'' has '// &
-         'the 2 records of the case, a design only 1'), outcome%err//outcome%out)
+         'the 2 records of the case, a design has 1'), outcome%err//outcome%out)
    end subroutine test_command
 
    subroutine test_refusals()

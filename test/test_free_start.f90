@@ -392,7 +392,7 @@ contains
    !> A steel bar in a vice with k_R l/(E I) = 55. A rigid clamp with a softer bar has the same
    !> first frequency, but mode 2 is a third of a cycle late at the end. A search for k_R that
    !> starts from there stays at the rigid clamp. The stage is repeated from the spectral lines
-   !> then, and finds the truth, unless its start is declared.
+   !> then, and finds the truth, unless it has start='case'.
    subroutine test_trap()
       type(structure_t) :: bar, guess
       type(experiment_t) :: record(1)

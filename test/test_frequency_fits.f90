@@ -500,7 +500,7 @@ contains
    end subroutine test_mixture
 
    !> The rows of fit.csv are those of the record in time, whatever stands before it: the residual
-   !> is measured - model, and as large as the noise of the decay. &windows has no meaning then.
+   !> is measured - model, and as large as the noise of the decay. &windows is refused.
    subroutine test_order(before, records, stage)
       character(len=*), intent(in) :: before, records(2), stage
       type(answer_t) :: answer
@@ -518,11 +518,12 @@ contains
       call check_close('response before decay: noise', norm2(left)/sqrt(real(size(left), wp))/ &
          decay_noise, 1.0_wp, 0.1_wp)
       call check_refused('windows beside a response', 2, 'identify', before//trim(records(1))// &
-         nl//trim(records(2))//stage//nl//'&windows n=3 /', 'expected records in time alone')
-      ! The fit has the decay alone, whose number would be another.
+         nl//trim(records(2))//stage//nl//'&windows n=3 /', 'expected only records that '// &
+         'are functions of time')
+      ! The fit would have the decay alone, as record 1, but &prior means the decay by record=2.
       call check_refused('frf: a record without a file first', 2, 'frf', before//at_F//band//nl// &
          trim(records(2))//stage//nl//'&prior parameter=''length'', sd=0.001, record=2 /', &
-         'expected it behind all records with a file')
+         'expected records without file after all others')
    end subroutine test_order
 
    !> Writes a free decay of the true beam after a pulse, with noise.

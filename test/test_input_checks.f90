@@ -293,7 +293,7 @@ contains
    end subroutine test_modes_without_elements
 
    !> A beam whose last 2 cm are a millionth as stiff: 128 elements do not determine its tenth mode,
-   !> and both commands that refine the mesh by themselves say so.
+   !> and `modes` and `frf`, which refine the mesh for natural frequencies, say so.
    subroutine test_unresolved_mesh()
       character(len=*), parameter :: soft_end = '&beam length=0.3, width=0.025, height=0.001, '// &
          'density=7850, E=2.0e11 /'//nl//'&along kind=''steps'', parameter=''E'', '// &

@@ -10,7 +10,7 @@ module mistakes
    public :: mistaken_t
 
    !> A problem whose derivative by one parameter is wrong by a factor. It keeps all residuals that
-   !> it has computed: every check of one structure asks for those at the same points.
+   !> it has computed, because all checks of one structure ask for those at the same points.
    type, extends(smooth_problem_t) :: mistaken_t
       type(residual_t) :: right
       integer :: column = 0

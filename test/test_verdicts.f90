@@ -56,8 +56,8 @@ contains
 
    !> A known force that strikes the strip again and again: after each blow the modes begin anew, so
    !> that the line of mode 2 (39.035) splits into multiples of the blows' frequency. With the first
-   !> period one of them is .15 beside the mode, with the second one none is near. The mode is seen
-   !> in either case, and is no multiple of mode 1 (6.047).
+   !> period, one of them lies .15 from the mode; with the second period, no line is near. The mode
+   !> is seen in either case, and not called a multiple of mode 1 (6.047).
    subroutine test_repeated_blows()
       integer, parameter :: samples = 4000
       real(wp), parameter :: period(2) = [0.72_wp, 0.7_wp], rise = 0.004_wp

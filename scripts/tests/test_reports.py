@@ -185,7 +185,7 @@ def page(request, browser):
         run(program(), "simulate", "dwell.nml", "--out", "dwell", "--quiet")
     if request.param.endswith("-fit"):
         run(program(), "frf", "strip.nml", "--out", "frf", "--quiet")
-    if request.param in PARTS:
+    if PAGES[request.param][0][0] == "reproduce":
         folder = request.getfixturevalue("everything") / request.param
     else:
         folder = OUT / request.param

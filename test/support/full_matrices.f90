@@ -225,8 +225,9 @@ contains
       end do
    end subroutine motions
 
-   !> e**a: the series of b = a/2**k, squared k times. The series is a polynomial in b**5, the
-   !> coefficients of which are polynomials in b (Paterson and Stockmeyer 1973).
+   !> e**a = (e**b)**(2**k) with b = a/2**k: the series of e**b, squared k times. The series is a
+   !> polynomial in b**5, the coefficients of which are polynomials in b (Paterson and Stockmeyer
+   !> 1973).
    function exponential(a) result(e)
       real(qp), intent(in) :: a(:, :)
       integer, parameter :: m = 5

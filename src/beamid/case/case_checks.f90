@@ -85,7 +85,7 @@ contains
          ', the number of modes of the mesh', error)
       if (case%windows > 0 .and. .not. are_in_time(case%recordings)) call refuse(case%path, 0, &
          'windows', 'the group beside a record that is not a function of time', &
-         'records in time alone', error)
+         'only records that are functions of time', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
          any(case%stages%offset) .or. case%recordings(1)%kind /= 'time') &

@@ -45,8 +45,8 @@ module beamid_synthesis
 
    !> Number of times that are computed at once: their states fit into the cache of a processor.
    integer, parameter :: block_size = 500
-   !> At the end of a block, states below this number are set to 0. Processors take a hundred times
-   !> as long for products that underflow.
+   !> Exponentials of a step, and states at the end of a block, are set to 0 below this number.
+   !> Processors take a hundred times as long for products that underflow.
    real(wp), parameter :: underflow_limit = 1e-150_wp
 
 contains
@@ -182,8 +182,8 @@ contains
 
    !> Advances the states through given times, and through the nodes of the force in between.
    !>
-   !> times  ascending, also from call to call [time]; at times before the first node the states are
-   !>        0
+   !> times  ascending within a call and from call to call [time]; before the first node of the
+   !>        force the states are 0
    !> x      (times or more, columns) states at the times: for z, for y and for each cluster, all
    !>        real parts, then all imaginary parts
    subroutine through(self, poles, excitation, times, x)

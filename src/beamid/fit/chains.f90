@@ -19,7 +19,7 @@ contains
    !> bulk       effective sample size for the middle of the distribution (bulk-ESS)
    !> tail       effective sample size for the tails (tail-ESS): the smaller of the sizes for the
    !>            5 % and the 95 % quantile
-   !> reduction  potential scale reduction: 1 if chains agree in location and scale, otherwise above
+   !> reduction  potential scale reduction: about 1 if chains agree, otherwise larger
    subroutine diagnose_chains(draws, bulk, tail, reduction)
       real(wp), intent(in) :: draws(:, :)
       real(wp), intent(out) :: bulk, tail, reduction

@@ -8,7 +8,8 @@
 !> weight w (1 + (c - 1)/share), and the remaining draws there keep w. The mean of this random
 !> weight is c w, so that the draws are still those of p (Fearnhead, Papaspiliopoulos and Roberts,
 !> J. R. Statist. Soc. B 70, 2008, 755). The variance of these weights counts in the effective
-!> sample size. If such a weight is not positive, p is computed at all draws that follow.
+!> sample size. If such a weight is not positive, the latest draws are repeated, and p is computed
+!> at these and at all later ones of the round.
 module beamid_sampling
    use beamid_chains, only: diagnose_chains
    use beamid_densities, only: density_t, impossible
@@ -48,7 +49,7 @@ module beamid_sampling
       logical :: weighted = .true.        !< by importance sampling; .false.: by chains
       real(wp) :: k = 0                   !< shape of the Pareto distribution of the largest weights
       real(wp) :: effective = 0           !< effective sample size
-      integer :: evaluations = 0          !< of the density while drawing
+      integer :: evaluations = 0          !< of the density, by the draws
       real(wp), allocatable :: bulk(:), tail(:)   !< (n) effective sample sizes
       real(wp), allocatable :: reduction(:)   !< (n) potential scale reduction
    end type draws_t

@@ -112,12 +112,12 @@ contains
    end subroutine identify_experiments
 
    !> Repeats a later stage from the spectral lines of free decays if a parameter that it adds has
-   !> stayed at its bound, and keeps the better fit. From the estimates without this parameter, the
-   !> search may have found the nearest minimum only.
+   !> stayed at its bound, and keeps the better fit. The search, which started from the estimates
+   !> without this parameter, may have found only the nearest minimum.
    !>
    !> free     parameters of all stages
-   !> added    (free parameters of the stage) whether the stage before does not have it
-   !> problem  in: at the end of the stage; out: the same for the fit that is kept
+   !> added    (free parameters of the stage) whether it is missing in the stage before
+   !> problem  in: the state at the end of the stage; out: that of the fit that is kept
    !> fit      in: of the stage; out: the better fit
    !> monitor  informed of every iteration
    subroutine try_automatic_start(model, mesh, experiments, free, stage, added, options, problem, &
@@ -151,7 +151,7 @@ contains
       call new_residuals(model, mesh, experiments, fresh, error, free)
       if (.not. allocated(error)) call run_stage(fresh, exact, again, options, 'N = '// &
          to_text(mesh%elements)//', the stage repeated', found, error, monitor)
-      ! Without another fit of all parameters, the first one stands.
+      ! If the repetition fails or keeps a parameter fixed, the first fit stands.
       if (allocated(error) .or. interrupted()) return
       if (size(found%free) /= size(fit%free) .or. .not. misfit_of(fresh, found%fit) < &
          (1 - clearly)*misfit_of(problem, fit%fit)) return
@@ -180,7 +180,7 @@ contains
       is_poor = .not. left <= varied/2
    end function is_poor
 
-   !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
+   !> Returns J or, for several records not all of whose noise levels are given, what replaces it.
    pure real(wp) function misfit_of_fit(fit, experiments) result(misfit)
       type(stage_fit_t), intent(in) :: fit
       type(experiment_t), intent(in) :: experiments(:)

@@ -196,7 +196,7 @@ contains
    pure logical function same_minimum(a, b)
       type(stage_fit_t), intent(in) :: a, b
 
-      ! An automatic start may keep parameters fixed.
+      ! After automatic starts, two fits may differ in the parameters that were kept fixed.
       same_minimum = size(a%free) == size(b%free)
       if (.not. same_minimum) return
       same_minimum = all(a%free == b%free) .and. abs(a%fit%J - b%fit%J) <= same_sum* &

@@ -16,9 +16,9 @@ contains
 
    !> Computes the weight of each mode in a record whose force is known.
    !>
-   !> A mode with the root s moves like Re(c z) with z' = s z + f, where f is the force. The complex
+   !> A mode with the root s moves like Re(c x) with x' = s x + f, where f is the force. The complex
    !> factors c of all modes, a constant and a multiple of f are fitted to the record. Spectral
-   !> lines would not do: after each blow a mode begins anew, and its line splits.
+   !> lines would not do: each blow excites a mode anew, so that its line splits.
    !>
    !> excitation  the force
    !> t, z        (m) sample times [time] and record [length/time**2]
@@ -32,7 +32,7 @@ contains
       real(wp), intent(in) :: t(:), z(:), residual(:)
       complex(wp), intent(in) :: s(:)
       real(wp), intent(out) :: share(:), gain(:)
-      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
+      real(wp), parameter :: independent = 1e-10_wp   ! smallest reciprocal condition number
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       real(wp) :: a(size(t), 2*size(s) + 2), motion(size(t), 0:0, 2), variance, J, J_without
       real(wp), dimension(size(a, 2)) :: step, other_step
@@ -45,7 +45,7 @@ contains
       gain = 0
       variance = sum((z - sum(z)/size(z))**2)
       if (size(a, 1) <= size(a, 2) .or. .not. variance > 0) return
-      ! The displacement Re z and the velocity Re(s z) combine to every Re(c z).
+      ! Every Re(c x) is a combination of the displacement Re x and the velocity Re(s x).
       pole%residue = [(1.0_wp, 0.0_wp)]
       allocate (pole%cluster(0))
       do k = 1, size(s)
@@ -65,7 +65,7 @@ contains
             others(its) = .false.
          end associate
          call fit_columns(others, other_step, J_without)
-         ! A record without noise has errors of computation.
+         ! Without noise, the residuals may be 0: round-off is the least noise.
          gain(k) = (J_without - J)/max(noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k))), &
             epsilon(1.0_wp)*variance/size(z))
       end do
@@ -75,7 +75,7 @@ contains
       !> Fits some columns of `a` to the record.
       !>
       !> factors  of the columns; 0 for the others
-      !> J        sum of squares, up to what no column can explain
+      !> J        sum of squares, without the part that no column can explain
       subroutine fit_columns(columns, factors, J)
          logical, intent(in) :: columns(:)
          real(wp), intent(out) :: factors(:), J

@@ -85,8 +85,8 @@ contains
          call see_driven_modes(experiment, fit%scenario%excitations(r), residual, s, found)
    end function modes_in_record
 
-   !> Changes 'unseen' into 'seen' for the modes without a spectral line that a known force has
-   !> excited.
+   !> In a record whose force is known, changes 'unseen' into 'seen' for modes that reduce J by more
+   !> than noise would, and sets the share of all 'unseen' modes.
    !>
    !> residual  (m) residuals of this record [length/time**2]
    !> s         (all) roots of its structure [1/time]

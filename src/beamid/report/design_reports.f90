@@ -58,8 +58,8 @@ contains
       associate (records => size(case%recordings), sensors => merge(2, 1, &
          any([(designs%list(k)%x_S(2) > 0, k=1, size(designs%list))])))
          if (records > sensors) call text%line('''present'' has the '//to_text(records)// &
-            ' records of the case, a design only '//to_text(sensors)//': compare designs with '// &
-            'each other')
+            ' records of the case, a design has '//to_text(sensors)//': compare designs only '// &
+            'with each other')
       end associate
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))

@@ -170,7 +170,7 @@ type(stage_fit_t), intent(in) :: fit
                   if (q%is_reciprocal()) effect = -effect
                   line = line//trim(q%name)//filled(' by #.2 %', [100*effect/abs(q%searched)])
                else
-                  ! There is no reference for a share: a value of 0, or a rigid spring.
+                  ! Nothing to take a percentage of: the value is 0, or the spring is rigid.
                   line = line//trim(q%searched_name())//' by '//to_text(effect)
                end if
             end associate

@@ -35,12 +35,12 @@ module beamid_frequency_runs
       logical :: is_fitted = .false.           !< the structure is that of a fit
       type(experiment_t) :: experiment         !< where the force acts, and which sensor responds
       real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
-      type(case_t) :: fitted                   !< the case with those records only that have a file
+      type(case_t) :: fitted                   !< the case with only those records that have a file
       type(experiment_t), allocatable :: experiments(:)   !< of the fit
       !> largest relative change of a natural frequency in the last refinement of the mesh; 0: the
       !> mesh was not refined
       real(wp) :: remaining = 0
-      integer :: record = 1   !< number of the record of the fit whose structure responds
+      integer :: record = 1   !< number of the fit's record whose structure responds
    end type case_response_t
 
 contains
@@ -128,8 +128,8 @@ contains
          if (allocated(case%stages(k)%record)) refers = refers .or. any(case%stages(k)%record > 0)
       end do
       if (refers) call refuse(case%path, case%recordings(findloc(has_file, .false., dim=1))%line, &
-         'record', 'no file, before a record with a file', 'it behind all records with a file', &
-         error)
+         'record', 'a record without file before one with file', &
+         'records without file after all others', error)
    end subroutine check_order
 
    !> Fits the case if it can be fitted, and computes the frequency response on each mesh. Without a
