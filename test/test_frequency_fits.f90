@@ -36,6 +36,7 @@ program test_frequency_fits
       call test_two_frequencies()
       call test_assignment()
       call test_band()
+      call test_refinement()
       call test_excess()
       call test_mixture()
       call test_read_back()
@@ -384,6 +385,54 @@ contains
       call check('  the assignment is printed', index(answer%out, ' is mode 3 (model ') > 0 .and. &
          index(answer%out, ' is mode 1 (model ') > 0, answer%out)
    end subroutine test_assignment
+
+   !> Without `elements`, `frf` and `modes` fit on the mesh that `identify` finds. The coarsest
+   !> mesh, 8 cubic elements, shifts these frequencies by more than their errors.
+   subroutine test_refinement()
+      character(len=*), parameter :: response = at_F//band//nl, &
+         stage = '&stage free=''E'',''m_S'' /'//nl
+      character(len=:), allocatable :: case, elements
+      type(answer_t) :: answer
+      type(outcome_t) :: outcome
+
+      call write_file('exact_modes.csv', 'frequency_hz,sd_hz'//nl//sharp_rows(frequencies_of( &
+         beam())))
+      case = replaced(beam(0.9_wp), '&discretization elements=6, degree=5 /'//nl, '')// &
+         '&record kind=''modes'', file=''exact_modes.csv'' /'//nl//stage
+      answer = identified(case)
+      elements = answer%estimate('E', 'elements')
+      call check('a refined mesh', answer%status == 0 .and. number(elements) > 8, elements// &
+         answer%err)
+      call write_file('mesh.nml', case)
+      outcome = beamid('modes mesh.nml --out mesh --quiet')
+      call check_close('  that of modes', number(last_mesh(read_file( &
+         'mesh/modes_fitted.csv'))), number(elements), 0.0_wp)
+      call write_file('mesh.nml', case//response)
+      outcome = beamid('frf mesh.nml --out mesh --quiet')
+      call check_close('  that of frf', number(last_mesh(read_file('mesh/frf.csv'))), &
+         number(elements), 0.0_wp)
+   end subroutine test_refinement
+
+   !> Returns the number of elements in the last row of a table.
+   function last_mesh(table) result(elements)
+      character(len=*), intent(in) :: table
+      character(len=:), allocatable :: elements
+
+      elements = field(table, line_count(table) - 1, 1)
+   end function last_mesh
+
+   !> Returns the rows of the three lowest frequencies, each with a standard deviation of 1e-5 of
+   !> its value.
+   function sharp_rows(f) result(rows)
+      real(wp), intent(in) :: f(:)
+      character(len=:), allocatable :: rows
+      integer :: k
+
+      rows = ''
+      do k = 1, 3
+         rows = rows//row_of([f(k), 1e-5_wp*f(k)])
+      end do
+   end function sharp_rows
 
    !> The band of a fitted response is that of the delta method, with derivatives of the magnitude
    !> by differences over 1e-4 of a parameter, at the estimates, and the intervals of the

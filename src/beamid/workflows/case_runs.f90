@@ -7,18 +7,20 @@ module beamid_case_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_design, needs_modes, &
       needs_response, place_experiment
    use beamid_case_files, only: case_t
+   use beamid_case_fits, only: find_fits
    use beamid_cases, only: load_experiments, plan_experiments, sample_times
    use beamid_designs, only: compare_designs, designs_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, locate
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_galerkin, only: galerkin_of, galerkin_t
-   use beamid_identification, only: identify_meshes, simulate, simulation_t, stage_fit_t
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
+   use beamid_identification, only: simulate, simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
+   use beamid_multistart, only: minima_t
    use beamid_records, only: note_length
    use beamid_roots, only: damped_roots
    use beamid_simulation, only: lowest_modes, refine_for_modes, simulate_converged
@@ -157,6 +159,8 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: still
+      type(mesh_t), allocatable :: meshes(:)
+      type(minima_t), allocatable :: minima(:)
       real(wp), allocatable :: shapes(:, :)
       integer :: k
 
@@ -179,9 +183,12 @@ contains
             here%roots = here%roots(:min(lowest_modes, size(here%roots)))
          end associate
       end do
-      if (found%is_fitted .and. .not. allocated(found%fit_error)) call identify_meshes( &
-         found%case%model, found%case%meshes, found%case%stages, found%experiments, found%fits, &
-         found%fit_error, monitor)
+      if (.not. found%is_fitted .or. allocated(found%fit_error)) return
+      ! A copy, because find_fits must not change part of the case that it reads.
+      meshes = found%case%meshes
+      call find_fits(found%case, meshes, found%experiments, found%fits, minima, found%fit_error, &
+         monitor)
+      found%case%meshes = meshes
    end subroutine modes_of_case
 
    !> Checks a case for `design`, and describes its experiments.

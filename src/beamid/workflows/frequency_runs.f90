@@ -2,16 +2,18 @@
 module beamid_frequency_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_modes, place_experiment
    use beamid_case_files, only: case_t
+   use beamid_case_fits, only: find_fits
    use beamid_cases, only: load_experiments
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
    use beamid_frequency_data, only: line_frequencies
    use beamid_frequency_responses, only: frequency_response_t, predict_response
    use beamid_galerkin, only: galerkin_of, mesh_t
-   use beamid_identification, only: identify_meshes, stage_fit_t
+   use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_modal, only: modal_t
+   use beamid_multistart, only: minima_t
    use beamid_observed_data, only: meshed_model_t
    use beamid_records, only: note_length, recording_t
    use beamid_refusals, only: refuse
@@ -132,8 +134,9 @@ contains
          'records without file after all others', error)
    end subroutine check_order
 
-   !> Fits the case if it can be fitted, and computes the frequency response on each mesh. Without a
-   !> fit and without `elements`, the mesh is refined for the lowest natural frequencies.
+   !> Fits the case if it can be fitted, and computes the frequency response on each mesh. Without
+   !> `elements`, the mesh is refined: for the estimates, or without a fit for the lowest natural
+   !> frequencies.
    !>
    !> case  on return with the refined mesh
    subroutine compute_responses(case, found, error, monitor)
@@ -142,6 +145,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_fit_t), allocatable :: fits(:, :)
+      type(minima_t), allocatable :: minima(:)
       integer :: k
 
       if (case%refines .and. .not. found%is_fitted) call refine_for_modes( &
@@ -150,8 +154,7 @@ contains
       call locate(error, case%path)
       if (allocated(error)) return
       if (found%is_fitted) then
-         call identify_meshes(found%fitted%model, case%meshes, found%fitted%stages, &
-            found%experiments, fits, error, monitor)
+         call find_fits(found%fitted, case%meshes, found%experiments, fits, minima, error, monitor)
          call locate(error, case%path)
          if (allocated(error)) return
          allocate (found%band(size(found%frequency), 2, size(case%meshes)))
