@@ -197,17 +197,22 @@ contains
    !> Extends the total intervals to another explanation of the records. An estimate that lies
    !> outside its interval there is not determined.
    !>
-   !> shift  (n) of the searched variables
-   subroutine extend(self, shift)
+   !> shift    (n) of the searched variables
+   !> covered  (n) distance from the estimates that the intervals cover already; default: 0
+   subroutine extend(self, shift, covered)
       class(stage_fit_t), intent(inout) :: self
       real(wp), intent(in) :: shift(:)
+      real(wp), intent(in), optional :: covered(:)
+      real(wp) :: beyond(size(shift))
       integer :: k
 
+      beyond = shift
+      if (present(covered)) beyond = sign(max(0.0_wp, abs(shift) - covered), shift)
       if (.not. allocated(self%reach)) allocate (self%reach(2, size(shift)), source=0.0_wp)
-      self%reach(1, :) = max(self%reach(1, :), -shift)
-      self%reach(2, :) = max(self%reach(2, :), shift)
+      self%reach(1, :) = max(self%reach(1, :), -beyond)
+      self%reach(2, :) = max(self%reach(2, :), beyond)
       do k = 1, size(shift)
-         if (abs(shift(k)) > self%half_width(k)) self%statistics%determined(k) = .false.
+         if (abs(beyond(k)) > self%half_width(k)) self%statistics%determined(k) = .false.
       end do
    end subroutine extend
 

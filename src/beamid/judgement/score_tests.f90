@@ -31,7 +31,7 @@ module beamid_score_tests
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
-   use beamid_structure, only: J_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
+   use beamid_structure, only: J_S_at, m_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
       structure_t, x_S_at, yielding
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart
@@ -172,8 +172,9 @@ contains
          candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
             k=1, size(all_of_them))])
       end associate
-      ! Without x_S the sensor is at the tip by definition.
-      if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
+      ! Without x_S the sensor is at the tip by definition, unless it has a mass.
+      if (structure%follows_tip(x_S_at(structure%observer)) .and. &
+         .not. structure%get(m_S_at(structure%observer)) > 0) candidates = pack(candidates, &
          candidates /= x_S_at(structure%observer))
       if (in_time) candidates = pack(candidates, candidates /= of_eta)
       ! A root that turns freely has no spring to test.

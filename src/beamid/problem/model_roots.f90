@@ -32,6 +32,7 @@ module beamid_model_roots
    contains
       procedure :: x_of
       procedure :: value_of
+      procedure :: nearby_value
       procedure :: slope
    end type belief_t
 
@@ -142,6 +143,17 @@ contains
       value_of = x
       if (self%logarithmic) value_of = exp(x)
    end function value_of
+
+   !> Returns a value one standard deviation away from the expected one: below it, because a place
+   !> may be the end of the beam, unless that would be negative.
+   elemental real(wp) function nearby_value(self) result(value)
+      class(belief_t), intent(in) :: self
+
+      associate (x => self%x_of(self%centre))
+         value = self%value_of(x - self%width)
+         if (value < 0) value = self%value_of(x + self%width)
+      end associate
+   end function nearby_value
 
    !> Returns the derivative d value/d x.
    elemental real(wp) function slope(self, value)

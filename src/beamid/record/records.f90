@@ -18,7 +18,7 @@ module beamid_records
    public :: add_note, any_in_time, append_recording, are_in_time, note_length, column_length
 
    !> Length of a note about a record.
-   integer, parameter :: note_length = 200
+   integer, parameter :: note_length = 400
    !> What a record of the kind 'frf' or 'modes' states beside its file.
    type :: frequency_keys_t
       integer :: power = 2   !< 0: receptance, 1: mobility, 2: accelerance

@@ -268,7 +268,8 @@ contains
    !> rejected      mode that must not be used; 0: none
    !> needed        number of modes; `rejected` if that is not 0
    !> undetermined  (free) parameters that one mode fewer leaves undetermined
-   !> unknowable    (free) parameters that cannot be told from others by any of the modes
+   !> unknowable    (free) parameters that cannot be told from others by any of the modes, neither at
+   !>               their expected values nor one standard deviation away
    !> is_damping    (free) parameters that act as damping
    subroutine needed_modes(problem, choice, rejected, needed, undetermined, unknowable, &
       is_damping, error)
@@ -280,19 +281,21 @@ contains
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(choice%modes, size(problem%parts))
       complex(wp) :: ds(choice%modes, size(problem%parts), size(choice%beliefs))
-      complex(wp) :: slopes(choice%modes, size(choice%beliefs))
       real(wp) :: values(size(choice%beliefs))
-      integer :: k, r
+      integer :: k
 
+      values = choice%beliefs%nearby_value()
+      call find_roots(values)
+      if (.not. allocated(error)) unknowable = inseparable(s, ds, choice%beliefs, values)
       values = choice%beliefs%centre
-      do r = 1, size(problem%parts)
-         call model_roots(problem, problem%with(values), r, s(:, r), slopes, error)
-         if (allocated(error)) return
-         ds(:, r, :) = slopes
-      end do
+      if (allocated(error)) deallocate (error)
+      call find_roots(values)
+      if (allocated(error)) return
+      if (.not. allocated(unknowable)) allocate (unknowable(size(values)), source=.true.)
       is_damping = [(damps(reshape(ds(:, :, k), [size(s)])), k=1, size(values))]
       needed = choice%modes
-      unknowable = inseparable(s, ds, choice%beliefs, values)
+      ! Two parameters may have the same effect at one point by chance.
+      unknowable = unknowable .and. inseparable(s, ds, choice%beliefs, values)
       do
          undetermined = undetermined_by(needed - 1)
          if (needed == 1 .or. count(undetermined) > count(undetermined_by(choice%modes))) exit
@@ -302,6 +305,19 @@ contains
       undetermined = undetermined_by(needed - 1, stated_are_known=.true.)
 
    contains
+
+      !> Computes the roots `s` and their derivatives `ds` for given parameters.
+      subroutine find_roots(values)
+         real(wp), intent(in) :: values(:)
+         complex(wp) :: slopes(choice%modes, size(choice%beliefs))
+         integer :: r
+
+         do r = 1, size(problem%parts)
+            call model_roots(problem, problem%with(values), r, s(:, r), slopes, error)
+            if (allocated(error)) return
+            ds(:, r, :) = slopes
+         end do
+      end subroutine find_roots
 
       !> Returns which parameters the lowest modes leave undetermined (free).
       function undetermined_by(lowest, stated_are_known)

@@ -26,6 +26,7 @@ module beamid_case_fits
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_unknowns, only: stage_t
    use beamid_verdicts, only: new_verdict, verdict_t
+   use beamid_weak_estimates, only: widen_weak_estimates
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
    private
@@ -230,6 +231,8 @@ contains
                   last%statistics%determined = .false.
                call judge_ranges(case%model, mesh, found%experiments, last)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
+               if (found%verdict%no_fit == '' .and. is_exact(case%model%solver)) &
+                  call widen_weak_estimates(case%model, mesh, found%experiments, last)
             end if
          end associate
          call locate(error, case%path)
