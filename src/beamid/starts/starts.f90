@@ -268,8 +268,8 @@ contains
    !> rejected      mode that must not be used; 0: none
    !> needed        number of modes; `rejected` if that is not 0
    !> undetermined  (free) parameters that one mode fewer leaves undetermined
-   !> unknowable    (free) parameters that cannot be told from others by any of the modes, neither at
-   !>               their expected values nor one standard deviation away
+   !> unknowable    (free) parameters that cannot be told from others by any of the modes, neither
+   !>               at their expected values nor one standard deviation away
    !> is_damping    (free) parameters that act as damping
    subroutine needed_modes(problem, choice, rejected, needed, undetermined, unknowable, &
       is_damping, error)
