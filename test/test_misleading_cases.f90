@@ -4,10 +4,10 @@
 program test_misleading_cases
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
-   use case_answers, only: answer_t, dip_case, groups_of, guessed_ruler => ruler, identified, nl, &
-      times, write_record
+   use case_answers, only: answer_t, cell, dip_case, groups_of, guessed_ruler => ruler, &
+      identified, nl, times, write_record
    use checks, only: check, check_close, finish, skip
-   use shell, only: close_shell, has_all, open_shell, replaced
+   use shell, only: close_shell, has_all, open_shell, read_file, replaced, write_file
    use simulated_beams, only: after_pulse, beam_t, decay, frequencies
    use tables, only: number
    implicit none
@@ -34,6 +34,7 @@ program test_misleading_cases
       call test_no_offset()
       call test_wrong_rate()
       call test_soft_clamp()
+      call test_soft_clamp_of_three()
       call test_wrong_material()
       call test_misplaced_sensor()
       call test_weak_mode()
@@ -116,6 +117,34 @@ contains
          'k_R|is significant|add ''k_R'' to free'), answer%head)
       call check('soft clamp: its score test matters', answer%test_matters('k_R'))
    end subroutine test_soft_clamp
+
+   !> The same clamp at three free lengths. The rigid model can explain one record, but not all.
+   subroutine test_soft_clamp_of_three()
+      real(wp), parameter :: lengths(3) = [0.3_wp, 0.26_wp, 0.22_wp], to_tip = 0.02_wp
+      type(beam_t) :: soft
+      type(answer_t) :: answer
+      character(len=:), allocatable :: records, file, value
+      integer :: k
+
+      soft = ruler
+      soft%k_R = 40
+      records = ''
+      do k = 1, size(lengths)
+         soft%length = lengths(k)
+         soft%x_S = lengths(k) - to_tip
+         call record_ruler(soft, 20 + k)
+         file = 'length_'//to_text(k)//'.csv'
+         call write_file(file, read_file('record.csv'))
+         records = records//'&record file='''//file//''', length='//to_text(soft%length)// &
+            ', x_S='//to_text(soft%x_S)//' /'//nl
+      end do
+      answer = identified(replaced(ruler_case, '&record file=''record.csv'' /'//nl, records))
+      call check('soft clamp of three: no fit, because of k_R', answer%status == 1 .and. &
+         has_all(answer%head, 'no fit: |with k_R = |: add ''k_R'' to free'), answer%head)
+      value = cell(answer%tests, 'parameter', 'k_R', 'value')
+      call check_close('soft clamp of three: k_R of the test', number(value)/soft%k_R, 1.0_wp, &
+         0.01_wp)
+   end subroutine test_soft_clamp_of_three
 
    !> Density and modulus of aluminium for a ruler of steel. The frequencies then leave the mass of
    !> the sensor free to be wrong by the ratio of the densities, .34.

@@ -10,8 +10,8 @@ module case_answers
    implicit none
    private
 
-   public :: answer_t, identified, check_estimates, check_refused, modal_record, write_record, &
-      times, groups_of, dip_case, nl, ruler
+   public :: answer_t, cell, identified, check_estimates, check_refused, modal_record, &
+      write_record, times, groups_of, dip_case, nl, ruler
 
    character(len=*), parameter :: nl = new_line('a')
    !> A case with the free decay of a steel ruler; what is free is a guess.

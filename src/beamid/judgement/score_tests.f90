@@ -115,9 +115,8 @@ contains
             tests(k)%parameter = p
             call test(fit, d, s%get(p), is_nonnegative=any(p == [of_kappa_R, of_gamma, of_c_D, &
                of_eta, J_S_at]), sd=prior_error(problem, p), one=tests(k))
-            ! For several records the search for start values would take longer than their fit.
-            if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, &
-               experiments, fit, p, prior_error(problem, p), tests(k))
+            if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, &
+               prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.
             if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &
                tests(k)%value = 1/tests(k)%value

@@ -22,7 +22,7 @@ module beamid_case_fits
    use beamid_response_checks, only: check_responses
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
-   use beamid_strings, only: to_text
+   use beamid_strings, only: rounded
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_unknowns, only: stage_t
    use beamid_verdicts, only: new_verdict, verdict_t
@@ -343,8 +343,9 @@ contains
    end subroutine add_mesh_shifts
 
    !> Tests which parameters the model may lack, on the last stage and the finest mesh. Where one
-   !> matters, the intervals include the estimates with this parameter free. A dip is located by
-   !> small differences, so that its place is not determined if something is missing.
+   !> matters, the intervals include the estimates with this parameter free. If the fit is rejected
+   !> and a parameter explains most of J, the reason names this parameter. A dip is located by small
+   !> differences, so that its place is not determined if something is missing.
    !>
    !> found  with a verdict; on return with `tests`
    !> error  only an interruption: if a test cannot be computed there is none
@@ -353,6 +354,7 @@ contains
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       type(score_test_t), allocatable :: tests(:)
+      real(wp), parameter :: most = 0.5_wp
       type(error_t), allocatable :: failed
       integer :: k
 
@@ -365,8 +367,13 @@ contains
          do k = 1, size(found%tests)
             if (found%tests(k)%matters) call last%extend(found%tests(k)%shift(:size(last%free)))
          end do
-         k = findloc(found%tests%matters, .true., dim=1)
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%matters)
          if (k == 0) return
+         if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
+            found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
+            ' = '//rounded(found%tests(k)%value, 3)//' J is smaller by '// &
+            rounded(100*found%tests(k)%decrease, 3)//' %: add '''//trim(found%tests(k)%name)// &
+            ''' to free'
          call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), found%experiments, &
             found%verdict, last, missing=trim(found%tests(k)%name))
       end associate
