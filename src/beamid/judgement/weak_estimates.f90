@@ -70,9 +70,9 @@ contains
       end do
       if (names == '') return
       if (found%other /= '') found%other = found%other//'; '
-      found%other = found%other//'the records determine '//names(3:)//' only roughly: the '// &
-         'intervals are those of its profile, because linear theory does not hold so far from '// &
-         'the estimate'
+      found%other = found%other//'the records determine '//names(3:)//' only roughly: linear '// &
+         'theory does not hold so far from the estimate, and the total intervals follow the '// &
+         'profile of J'
 
    contains
 
