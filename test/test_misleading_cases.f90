@@ -183,7 +183,8 @@ contains
    !> nothing of the long tail of such a decay rate: with c_D at the end of the total interval, and
    !> everything else fitted again, J must have risen by the square of the normal quantile times the
    !> variance of white noise. Student's quantile makes this larger by 1.2e-3, and the mesh shift
-   !> extends the interval by less than 1e-3.
+   !> extends the interval by less than 1e-3. The errors are not corrected, because the residuals
+   !> pass for white noise.
    subroutine test_faint_mode()
       real(wp), parameter :: sizes(2) = [20.0_wp, 0.018_wp], phases(2) = [0.4_wp, 2.1_wp], &
          normal = 1.959963984540054_wp
@@ -200,7 +201,7 @@ contains
          call write_record(t, decay(ruler, t, sizes, phases), 0.03_wp, 100 + k)
          answer = identified(case)
          if (.not. answer%is_free('c_D')) cycle
-         if (index(answer%out, 'the records determine c_D only roughly') == 0) cycle
+         if (.not. has_all(answer%out, 'only roughly|residuals pass for white noise')) cycle
          extended = extended + 1
          at_end = identified(replaced(replaced(case, 'c_D=4e6', 'c_D='//answer%estimate('c_D', &
             'total_upper95')), '''c_D'',', ''))

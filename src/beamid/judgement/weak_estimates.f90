@@ -13,7 +13,7 @@ module beamid_weak_estimates
    use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
    use beamid_parameters, only: on_beam, parameters
-   use beamid_profile_likelihood, only: at_bound, follow_profile, is_open, side_t
+   use beamid_profile_likelihood, only: at_bound, follow_profile, is_lost, is_open, side_t
    use beamid_residuals, only: residual_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: is_coefficient
@@ -25,11 +25,12 @@ module beamid_weak_estimates
 
    public :: widen_weak_estimates
 
-   !> Relative standard error above which an estimate is weak: at 2 standard errors, a logarithm and
-   !> its tangent differ by a fifth there.
+   !> Relative standard error above which an estimate is weak: at the end of its interval, the
+   !> logarithm of the parameter and its tangent at the estimate differ by a fifth.
    real(wp), parameter :: weak = 0.2_wp
-   !> Relative extension of an interval that is worth a note.
-   real(wp), parameter :: noted = 0.2_wp
+   !> Relative extension of an interval that is worth a note, and relative error of the ends of
+   !> profiles.
+   real(wp), parameter :: noted = 0.2_wp, close = 0.02_wp
 
 contains
 
@@ -47,8 +48,8 @@ contains
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
       type(error_t), allocatable :: error
-      character(len=:), allocatable :: names
-      real(wp) :: before
+      logical, dimension(size(found%free)) :: extended, is_endless
+      character(len=:), allocatable :: lost
       integer :: k, direction
 
       if (.not. any([(is_weak(found, k), k=1, size(found%free))])) return
@@ -57,47 +58,88 @@ contains
       call found%restore(problem)
       call variables_of(found%again(), problem%scenario, variables, quantities, error)
       if (allocated(error)) return
-      names = ''
+      extended = .false.
+      is_endless = .false.
+      lost = ''
       do k = 1, size(found%free)
          if (.not. is_weak(found, k)) cycle
-         before = sum(found%total(k))
          do direction = -1, 1, 2
             call widen(k, direction)
             if (interrupted()) return
          end do
-         if (sum(found%total(k)) > (1 + noted)*before) names = names//', '// &
-            trim(found%quantities(k)%name)
       end do
-      if (names == '') return
-      if (found%other /= '') found%other = found%other//'; '
-      found%other = found%other//'the records determine '//names(3:)//' only roughly: linear '// &
-         'theory does not hold so far from the estimate, and the total intervals follow the '// &
-         'profile of J'
+      extended = extended .and. .not. is_endless
+      if (any(extended)) call add_note('the records determine'//names_of(extended)// &
+         ' only roughly: linear theory does not hold so far from the estimate, and the total '// &
+         'intervals follow the profile of J')
+      if (any(is_endless)) call add_note('not determined, because J never rises to its 95 % '// &
+         'level:'//names_of(is_endless))
+      if (lost /= '') call add_note('the profile of J ends early for'//lost//', so that the '// &
+         'interval may be too narrow')
 
    contains
 
-      !> Extends the intervals to the end of one side of the profile of parameter k.
+      !> Extends the intervals to one side of the profile of parameter k: its own to the end, those
+      !> of the others as far as J rises no further than at the ends of their intervals.
       subroutine widen(k, direction)
          integer, intent(in) :: k, direction
          type(side_t) :: side
-         real(wp) :: shift(size(found%free)), covered(size(found%free))
-         integer :: j
+         real(wp), dimension(size(found%free)) :: shift, covered, level
+         integer :: i, j
 
          associate (s => found%statistics)
             covered = [(s%corrected_half_width(j), j=1, size(covered))]
+            level = covered/max(s%std_error(:size(level)), tiny(1.0_wp))
             call follow_profile(problem, problem%rows(), variables, found%fit%estimate, &
-               sum(found%fit%residual**2), k, direction, s%variance*(covered(k)/s%std_error(k)) &
-               **2, covered(k), side)
-            shift = side%parameters(:, size(side%J)) - found%fit%estimate
-            if (side%state == at_bound) shift(k) = side%end - found%fit%estimate(k)
-            if (side%state == is_open) call s%withdraw(k)
+               sum(found%fit%residual**2), k, direction, s%variance*level(k)**2, covered(k), side)
+            if (side%state == is_open) then
+               is_endless = is_endless .or. abs(side%parameters(:, size(side%J)) &
+                  - found%fit%estimate) > covered
+               do j = 1, size(covered)
+                  if (is_endless(j)) call s%withdraw(j)
+               end do
+               return
+            end if
          end associate
-         call found%extend(shift, covered)
+         if (side%state == is_lost) then
+            lost = lost//' '//trim(found%quantities(k)%name)
+            found%statistics%determined(k) = .false.
+         end if
+         do i = 1, size(side%J)
+            shift = side%parameters(:, i) - found%fit%estimate
+            if (i == size(side%J) .and. side%state == at_bound) shift(k) = side%end &
+               - found%fit%estimate(k)
+            where (side%distance(i)*level(k) > (1 + close)*level) shift = 0
+            extended = extended .or. abs(shift) > (1 + noted)*covered
+            call found%extend(shift, covered)
+         end do
       end subroutine widen
+
+      !> Returns the names of some parameters, as a list that begins with a blank.
+      function names_of(chosen) result(text)
+         logical, intent(in) :: chosen(:)
+         character(len=:), allocatable :: text
+         integer :: j
+
+         text = ''
+         do j = 1, size(chosen)
+            if (chosen(j)) text = text//', '//trim(found%quantities(j)%name)
+         end do
+         text = text(2:)
+      end function names_of
+
+      !> Adds a sentence to those on other explanations.
+      subroutine add_note(text)
+         character(len=*), intent(in) :: text
+
+         if (found%other /= '') found%other = found%other//'; '
+         found%other = found%other//text
+      end subroutine add_note
 
    end subroutine widen_weak_estimates
 
-   !> Tells whether the estimate of parameter k is weak, and linear theory gives it an interval.
+   !> Tells whether the estimate of parameter k is weak, and linear theory gives it an interval that
+   !> J determines. The interval of a parameter on which records disagree comes from their scatter.
    pure logical function is_weak(found, k)
       type(stage_fit_t), intent(in) :: found
       integer, intent(in) :: k
@@ -105,8 +147,8 @@ contains
       is_weak = .false.
       associate (s => found%statistics)
          if (s%samples == 0 .or. .not. s%variance > 0) return
-         if (s%is_withdrawn(k) .or. parameters(found%free(k))%range == on_beam .or. &
-            is_coefficient(found%free(k))) return
+         if (s%is_withdrawn(k) .or. s%disputed(k) .or. is_coefficient(found%free(k)) .or. &
+            parameters(found%free(k))%range == on_beam) return
          is_weak = s%std_error(k) > 0 .and. s%corrected_half_width(k) < unlimited .and. &
             s%corrected_error(k) > weak*abs(found%fit%estimate(k))
       end associate

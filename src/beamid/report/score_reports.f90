@@ -40,8 +40,8 @@ contains
             line = trim(one%name)//', which the model leaves out, is significant: with '// &
                trim(one%name)//' = '//rounded(one%value, 3)//' '// &
                case%units%of_quantity(one%parameter, fit%scenario%excitations(1))// &
-               ' J falls by '// &
-               rounded(100*one%decrease, 3)//' %'
+               trim(merge(' J                          ', ' the weighted sum of squares', &
+               size(fit%weight) == 1))//' falls by '//rounded(100*one%decrease, 3)//' %'
             if (one%by > 0) line = line//', and '//trim(fit%quantities(one%by)%name)// &
                ' moves by '//rounded(one%moves, 2)// &
                ' times the half width of its interval'
