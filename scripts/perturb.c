@@ -48,10 +48,13 @@ static cplx perturbed_complex(cplx value)
    return CMPLX(perturbed(creal(value)), perturbed(cimag(value)));
 }
 
-/* The next definition of a function after this library's own. */
+/* The next definition of a function after this library's own. An extension of Python loads BLAS for
+ * itself, so that only BLAS's own library shows it. */
 static void *original(const char *name)
 {
-   void *found = dlsym(RTLD_NEXT, name);
+   void *found = dlsym(RTLD_NEXT, name), *blas = NULL;
+   if (!found) blas = dlopen("libblas.so.3", RTLD_LAZY);
+   if (blas) found = dlsym(blas, name);
    if (found) return found;
    fprintf(stderr, "perturb: no %s behind this library\n", name);
    abort();
