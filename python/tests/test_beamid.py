@@ -34,6 +34,14 @@ FREE = ["c_D", "m_H", "c_H", "k_H"]
 PAPER = {"m_H": 0.039777, "c_H": 0.003997, "k_H": 0.299455}
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """Ctrl-C acts also if the tests run as a background job, which inherits that it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="module")
 def record():
     return np.loadtxt(DATA / "table_4_1_record.csv", delimiter=",", skiprows=1).T
