@@ -89,7 +89,7 @@ contains
       real(wp), allocatable :: d(:)
       integer, allocatable :: candidates(:)
       logical, allocatable :: is_in_time(:)
-      real(wp) :: lower, upper
+      real(wp) :: largest
       integer :: k
 
       allocate (tests(0))
@@ -114,12 +114,10 @@ contains
          associate (s => fit%scenario%structures(1), p => candidates(k))
             tests(k)%name = name_of_parameter(s, p)
             tests(k)%parameter = p
-            lower = -huge(lower)
-            if (parameters(p)%range == on_beam .or. any(p == [of_kappa_R, of_gamma, of_c_D, &
-               of_eta, J_S_at])) lower = 0
-            upper = huge(upper)
-            if (parameters(p)%range == on_beam) upper = s%length
-            call test(fit, d, s%get(p), [lower, upper], sd=prior_error(problem, p), one=tests(k))
+            ! No candidate may be negative.
+            largest = merge(s%length, huge(largest), parameters(p)%range == on_beam)
+            call test(fit, d, s%get(p), [0.0_wp, largest], sd=prior_error(problem, p), &
+               one=tests(k))
             ! For several records each search takes longer than their fit. A clamp that yields is
             ! the usual cause if one model cannot explain them all.
             if (.not. fit%check%white .and. (size(experiments) == 1 .or. p == of_kappa_R)) &

@@ -284,18 +284,14 @@ contains
       real(wp) :: values(size(choice%beliefs))
       integer :: k
 
-      values = choice%beliefs%nearby_value()
-      call find_roots(values)
-      if (.not. allocated(error)) unknowable = inseparable(s, ds, choice%beliefs, values)
       values = choice%beliefs%centre
-      if (allocated(error)) deallocate (error)
-      call find_roots(values)
+      call find_roots(values, s, ds, error)
       if (allocated(error)) return
-      if (.not. allocated(unknowable)) allocate (unknowable(size(values)), source=.true.)
       is_damping = [(damps(reshape(ds(:, :, k), [size(s)])), k=1, size(values))]
       needed = choice%modes
+      unknowable = inseparable(s, ds, choice%beliefs, values)
       ! Two parameters may have the same effect at one point by chance.
-      unknowable = unknowable .and. inseparable(s, ds, choice%beliefs, values)
+      if (any(unknowable)) unknowable = unknowable .and. inseparable_nearby()
       do
          undetermined = undetermined_by(needed - 1)
          if (needed == 1 .or. count(undetermined) > count(undetermined_by(choice%modes))) exit
@@ -306,9 +302,28 @@ contains
 
    contains
 
-      !> Computes the roots `s` and their derivatives `ds` for given parameters.
-      subroutine find_roots(values)
+      !> Returns which parameters cannot be told from others one standard deviation away from the
+      !> expected values, (free); all, if the model cannot be computed there.
+      function inseparable_nearby()
+         logical :: inseparable_nearby(size(choice%beliefs))
+         complex(wp) :: s(choice%modes, size(problem%parts))
+         complex(wp) :: ds(choice%modes, size(problem%parts), size(choice%beliefs))
+         real(wp) :: values(size(choice%beliefs))
+         type(error_t), allocatable :: error
+
+         values = choice%beliefs%nearby_value()
+         call find_roots(values, s, ds, error)
+         inseparable_nearby = .true.
+         if (.not. allocated(error)) inseparable_nearby = inseparable(s, ds, choice%beliefs, &
+            values)
+      end function inseparable_nearby
+
+      !> Computes the roots of all records and their derivatives for given parameters, as
+      !> `model_roots` does for one.
+      subroutine find_roots(values, s, ds, error)
          real(wp), intent(in) :: values(:)
+         complex(wp), intent(out) :: s(:, :), ds(:, :, :)
+         type(error_t), allocatable, intent(out) :: error
          complex(wp) :: slopes(choice%modes, size(choice%beliefs))
          integer :: r
 
