@@ -187,7 +187,7 @@ contains
       integer :: k, n
 
       call write_file('truth.nml', replaced(strip, '{damping}', composite)// &
-         '&record kind=''frf'', f_first=5, f_last=350, f_step=0.25, x_F=0.2 /'//nl)
+         '&record kind=''frf'', f_first=5, f_last=350, f_step=0.5, x_F=0.2 /'//nl)
       outcome = beamid('frf truth.nml --quiet --out truth')
       call check('response: made', outcome%status == 0, outcome%err)
       response = read_file('truth/frf.csv')

@@ -6,6 +6,7 @@ program test_statistics
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_noise, only: gaussian_noise
+   use beamid_sorting, only: median, sort
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
    use beamid_undetermined_directions, only: undetermined
@@ -23,6 +24,7 @@ program test_statistics
    call test_refused()
    call test_criteria()
    call test_nested()
+   call test_median()
    call finish('statistics')
 
 contains
@@ -385,5 +387,25 @@ contains
       call nested_test(0.9_wp, 1.0_wp, 50, 1, U, probability)
       call check_close('nested, the full model worse', probability, 1.0_wp, 0.0_wp)
    end subroutine test_nested
+
+   !> The median is the middle one of the sorted values, with ties and without, and in order.
+   subroutine test_median()
+      real(wp), allocatable :: values(:), sorted(:)
+      integer :: n, step, wrong
+
+      wrong = 0
+      do n = 1, 60
+         do step = 0, 2
+            values = gaussian_noise(n, 1.0_wp, n)
+            if (step == 1) values = real(nint(2*values), wp)
+            sorted = values
+            call sort(sorted)
+            if (step == 2) values = sorted
+            if (abs(median(values) - sorted((n + 1)/2)) > 0) wrong = wrong + 1
+         end do
+      end do
+      call check('the median is the middle one of the sorted values', wrong == 0, to_text(wrong))
+      call check('the median of no values', abs(median(values(:0))) <= 0)
+   end subroutine test_median
 
 end program test_statistics

@@ -132,14 +132,14 @@ contains
       class(field_t), intent(in) :: self
       real(wp), intent(in) :: xi
       real(wp) :: shares(self%coefficients)
-      integer :: element, elements
+      integer :: element, elements, k
 
       shares = 0
       if (self%coefficients == 0) return
       elements = self%coefficients - self%degree
       element = min(max(int(xi*elements), 0), elements - 1)
       shares(element + 1:element + self%degree + 1) = cardinal(self%degree, 0, &
-         xi*elements - element)/gamma(self%degree + 1.0_wp)
+         xi*elements - element)/product([(k, k=1, self%degree)])
    end function shares
 
    !> Returns the position x/l that belongs to each coefficient (the Greville abscissa): a linear

@@ -51,8 +51,48 @@ contains
       median = 0
       if (size(values) == 0) return
       sample = values(::1 + (size(values) - 1)/most)
-      call sort(sample)
+      call select_smallest((size(sample) + 1)/2, sample)
       median = sample((size(sample) + 1)/2)
    end function median
+
+   !> Reorders values until the k-th smallest is in place k, by Hoare's algorithm (C. A. R. Hoare,
+   !> Algorithm 65, Communications of the ACM 4, 1961, p. 321). This takes a time proportional to
+   !> their number.
+   pure subroutine select_smallest(k, values)
+      integer, intent(in) :: k
+      real(wp), intent(inout) :: values(:)
+      real(wp) :: pivot, swapped
+      integer :: first, last, i, j
+
+      first = 1
+      last = size(values)
+      do while (first < last)
+         pivot = values((first + last)/2)
+         i = first
+         j = last
+         do while (i <= j)
+            do while (values(i) < pivot)
+               i = i + 1
+            end do
+            do while (values(j) > pivot)
+               j = j - 1
+            end do
+            if (i > j) exit
+            swapped = values(i)
+            values(i) = values(j)
+            values(j) = swapped
+            i = i + 1
+            j = j - 1
+         end do
+         ! The values between j and i equal the pivot.
+         if (k <= j) then
+            last = j
+         else if (k >= i) then
+            first = i
+         else
+            return
+         end if
+      end do
+   end subroutine select_smallest
 
 end module beamid_sorting
