@@ -94,7 +94,7 @@ contains
       self%last_length = length
    end subroutine write_over
 
-   !> Shows how many pieces are done: in a terminal five times a second, elsewhere every ten
+   !> Shows how many pieces are done: in a terminal five times a second, elsewhere every five
    !> seconds.
    !>
    !> part    number of pieces that are done
@@ -109,7 +109,7 @@ contains
       if (whole > 0) call self%done(part, whole)
       call system_clock(now, rate)
       if (self%quiet .or. part == whole) return
-      if (now - max(self%told, self%begin) < merge(rate/5, 10*rate, self%overwrite)) return
+      if (now - max(self%told, self%begin) < merge(rate/5, 5*rate, self%overwrite)) return
       self%told = now
       if (whole == 0) then
          call write_over(self, to_text(part)//' '//pieces)

@@ -236,8 +236,11 @@ def test_damping_is_that_of_the_program(program, tmp_path):
                     "&record kind='modes', file='modes.csv' /\n&stage free='E','c_D' /\n")
     for damping, option in ((True, "--damping"), ("ratios", "--damping=ratios")):
         files = program("compare", option, case, out=tmp_path / option)
-        found = beamid.compare(case, damping=damping)
+        heard = []
+        found = beamid.compare(case, damping=damping, progress=lambda *piece: heard.append(piece))
         same_tables(found, files)
+        done, whole, pieces = heard[-1]
+        assert pieces == "damping models" and done == whole > 1
         table = columns(files["damping.csv"])
         assert [row.damping_ratio for row in found.damping] == list(map(float,
                                                                         table["damping_ratio"]))

@@ -95,7 +95,7 @@ contains
             trials(k)%model, trials(k)%error)
          !$omp critical (one_combination_done)
          done = done + 1
-         if (present(monitor)) call monitor%done(done, size(trials))
+         if (present(monitor)) call monitor%advanced(done, size(trials), 'damping models')
          !$omp end critical (one_combination_done)
       end do
       !$omp end parallel do
