@@ -6,8 +6,8 @@ program test_frequency_fits
    use beamid_strings, only: to_text
    use case_answers, only: answer_t, check_refused, identified, nl
    use checks, only: check, check_close, finish, skip
-   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, replaced, &
-      write_file
+   use shell, only: beamid, close_shell, exists, line_count, open_shell, outcome_t, read_file, &
+      replaced, write_file
    use tables, only: field, line, number
    implicit none
 
@@ -481,6 +481,16 @@ contains
          - width))/maxval(width), 0.0_wp, allowed)
       call check_close('  lower end by differences', maxval(abs(magnitude - column(table, 7) &
          - width))/maxval(width), 0.0_wp, allowed)
+      ! With another E, which is fixed, the fit is rejected: it has no band, and no modes.
+      call write_file('wrong.nml', beam(of_E=1.3_wp)//at_F//', file=''noisy.csv'' /'//nl// &
+         '&stage free=''c_D'' /'//nl)
+      outcome = beamid('frf wrong.nml --quiet --out wrong')
+      call check('no band of a rejected fit', outcome%status == 1 .and. &
+         index(outcome%err, 'no fit: ') > 0 .and. .not. exists('wrong'), outcome%err)
+      outcome = beamid('modes wrong.nml --quiet --out wrong')
+      call check('no modes of a rejected fit', outcome%status == 0 .and. &
+         index(outcome%out, 'no intervals: ') > 0 .and. index(outcome%out, 'no fit: ') > 0 .and. &
+         .not. exists('wrong/modes_fitted.csv'), outcome%out)
    end subroutine test_band
 
    !> Returns the magnitude of the response of a beam.

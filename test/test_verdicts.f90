@@ -34,6 +34,7 @@ program test_verdicts
 
    call make_record()
    call test_both_modes()
+   call test_above_nyquist()
    call test_multiple()
    call test_nothing_like_it()
    call test_effective_samples()
@@ -130,6 +131,29 @@ contains
       end associate
       call check('a fit', verdict%no_fit == '' .and. fits(1)%note == '', verdict%no_fit)
    end subroutine test_both_modes
+
+   !> A hundred samples a second contain modes 1 and 2 (6 and 39). Mode 3 (108) reduces J as well,
+   !> because the simulated samples contain its alias, but no record shows that it is not another
+   !> line: it is not seen.
+   subroutine test_above_nyquist()
+      type(experiment_t) :: record(1)
+      type(simulation_t) :: simulation
+      type(error_t), allocatable :: error
+      integer :: k
+
+      record(1)%samples = [(0.1_wp + 0.01_wp*k, k=1, 500)]
+      call simulate(model, mesh, record(1)%samples, simulation, error)
+      record(1)%measured = simulation%acceleration + gaussian_noise(500, 0.01_wp*noise, 21)
+      record(1)%excitation = new_free(3)
+      call identify(model, mesh, [stage_of(names, start, .true.)], record, fits, error)
+      if (.not. allocated(error)) call new_verdict(record, mesh, fits(1), verdict, error)
+      call check('above the Nyquist frequency: fitted', .not. allocated(error))
+      if (allocated(error)) return
+      associate (s => verdict%sightings)
+         call check('modes 1 and 2 are seen, mode 3 is not', all(s(:3)%verdict == ['seen  ', &
+            'seen  ', 'unseen']) .and. s(3)%model > 50, s(3)%verdict//to_text(s(3)%model))
+      end associate
+   end subroutine test_above_nyquist
 
    !> Only the first mode, and a weak line at seven times its frequency.
    subroutine test_multiple()

@@ -89,7 +89,12 @@ contains
 
       allocate (kinks(0))
       if (mesh%at_attachments) then
-         kinks = kinks_at_attachments(structure, moving)
+         ! An absent `moving` is not passed on: gfortran 12 reads its bounds unless it optimises.
+         if (present(moving)) then
+            kinks = kinks_at_attachments(structure, moving)
+         else
+            kinks = kinks_at_attachments(structure, [integer ::])
+         end if
       else if (present(fixed)) then
          if (fixed) kinks = kinks_at_supports(structure)
       end if

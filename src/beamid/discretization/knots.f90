@@ -31,26 +31,23 @@ contains
    !> derivative jump, a moment the second. Positions that may change are left out, so that the mesh
    !> does not depend on the parameters.
    !>
-   !> moving  as in `galerkin_of`
+   !> moving  numbers of the parameters that may change
    pure function kinks_at_attachments(structure, moving) result(kinks)
       type(structure_t), intent(in) :: structure
-      integer, intent(in), optional :: moving(:)
+      integer, intent(in) :: moving(:)
       type(kink_t), allocatable :: kinks(:)
-      integer, allocatable :: parameters(:)
       real(wp), allocatable :: s(:, :), slopes(:, :, :)
       logical :: acts
       integer :: k
 
-      parameters = [integer ::]
-      if (present(moving)) parameters = moving
       allocate (kinks(0), s(operators_of(structure), of_compliance), &
-         slopes(operators_of(structure), of_compliance, size(parameters)))
-      call strengths_and_slopes(structure, structure%length, parameters, s, slopes)
+         slopes(operators_of(structure), of_compliance, size(moving)))
+      call strengths_and_slopes(structure, structure%length, moving, s, slopes)
       do k = 1, size(s, 1)
          associate (place => operators(k)%place, order => operators(k)%derivative)
             if (place == 0 .or. order < 0) cycle
-            if (structure%follows_tip(place) .or. any(parameters == place) .or. &
-               any(parameters == of_length)) cycle
+            if (structure%follows_tip(place) .or. any(moving == place) .or. &
+               any(moving == of_length)) cycle
             ! The coefficients of a hose belong to an operator that has no position.
             acts = any(abs(s(k, :)) > 0) .or. any(abs(slopes(k, :, :)) > 0) .or. &
                is_spring(k, structure) .or. any(k == hose_value)

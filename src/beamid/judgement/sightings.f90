@@ -37,9 +37,9 @@ contains
 
    !> Returns what one record shows of each mode.
    !>
-   !> A mode is seen if a spectral line stands beside it, or if it reduces J by more than noise
-   !> would. In a free motion, a mode on a multiple of the first mode's frequency or of the mains
-   !> may be that multiple.
+   !> A mode is seen if a spectral line stands beside it, or if it lies below the Nyquist frequency
+   !> and reduces J by more than noise would. In a free motion, a mode on a multiple of the first
+   !> mode's frequency or of the mains may be that multiple.
    !>
    !> r         number of the record
    !> row       number of residuals of the records before it
@@ -69,7 +69,8 @@ contains
                gain = 0
                if (k <= modes) call weigh_mode(fit, r, k, row, experiment, residual, s(k), &
                   sighting%share, gain)
-               if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
+               if (gain > least_gain .and. sighting%verdict == 'unseen' .and. &
+                  2*span*sighting%model < size(t)) sighting%verdict = 'seen'
                if (sighting%verdict == 'seen' .and. modes > 0 .and. is_multiple(s, k, gain, &
                   lines, span)) sighting%verdict = merge('mains   ', 'harmonic', &
                   near_mains(sighting%model, span, 0.0_wp))

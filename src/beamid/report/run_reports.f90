@@ -146,7 +146,7 @@ contains
       if (allocated(found%fit_error)) then
          error = found%fit_error
       else
-         call add_modes_of_fits(found%case, found%fits, summary, table, modes, error)
+         call add_modes_of_fits(found%case, found%fit%fits, summary, table, modes, error)
       end if
       if (allocated(error)) then
          call summary%line('no intervals: '//error%message)

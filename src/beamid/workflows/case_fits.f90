@@ -5,7 +5,7 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_damage_regions, only: judge_shape_of_dip
    use beamid_drifts, only: default_windows, drift_t, find_drifts
-   use beamid_errors, only: error_t, locate, status_failed
+   use beamid_errors, only: error_t, failure, locate, status_failed
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
@@ -32,7 +32,7 @@ module beamid_case_fits
    private
 
    public :: case_fit_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case, &
-      add_score_tests
+      judge_or_fail, add_score_tests
 
    !> The records of a case, its fit and the verdict on it.
    type :: case_fit_t
@@ -320,6 +320,19 @@ contains
       end subroutine fit_again
 
    end subroutine judge_case
+
+   !> Judges a fit as `judge_case` does. A verdict that rejects it is an error, too.
+   subroutine judge_or_fail(case, found, error, monitor)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+
+      call judge_case(case, found, error, monitor)
+      if (allocated(error)) return
+      if (found%verdict%no_fit /= '') call failure(error, case%path//': no fit: '// &
+         found%verdict%no_fit)
+   end subroutine judge_or_fail
 
    !> Adds the shift of the last stage's estimates on finer meshes, unless it is already known. May
    !> run beside other threads.

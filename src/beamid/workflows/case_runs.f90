@@ -7,21 +7,19 @@ module beamid_case_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_design, needs_modes, &
       needs_response, place_experiment
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: find_fits
-   use beamid_cases, only: load_experiments, plan_experiments, sample_times
+   use beamid_case_fits, only: case_fit_t, fit_case, judge_or_fail, load_case
+   use beamid_cases, only: plan_experiments, sample_times
    use beamid_designs, only: compare_designs, designs_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, locate
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
-   use beamid_identification, only: simulate, simulation_t, stage_fit_t
+   use beamid_galerkin, only: galerkin_of, galerkin_t
+   use beamid_identification, only: simulate, simulation_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
-   use beamid_multistart, only: minima_t
-   use beamid_records, only: note_length
    use beamid_roots, only: damped_roots
    use beamid_simulation, only: lowest_modes, refine_for_modes, simulate_converged
    use beamid_strings, only: to_text
@@ -52,8 +50,7 @@ module beamid_case_runs
       real(wp) :: remaining = 0     !< relative change of the natural frequencies by the finest mesh
       logical :: is_fitted = .false.                         !< whether a fit was tried
       type(case_t) :: case                                   !< as it is fitted, by `modal`
-      type(experiment_t), allocatable :: experiments(:)      !< (records)
-      type(stage_fit_t), allocatable :: fits(:, :)           !< (stages, meshes)
+      type(case_fit_t) :: fit                                !< records, fit and verdict
       type(error_t), allocatable :: fit_error                !< why there is no fit
    end type case_modes_t
 
@@ -134,7 +131,6 @@ contains
       type(case_t), intent(in) :: case
       type(case_modes_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
-      character(len=note_length), allocatable :: notes(:)
 
       call check_needs(case, needs_modes, error)
       if (allocated(error)) return
@@ -143,12 +139,13 @@ contains
       found%case = case
       deallocate (found%case%model%solver)
       allocate (modal_t :: found%case%model%solver)
-      call load_experiments(found%case, found%experiments, notes, found%fit_error)
+      call load_case(found%case, found%fit, found%fit_error)
    end subroutine prepare_modes
 
    !> Computes the natural modes of the structure on each mesh, and fits the case if it can be
-   !> fitted. A fit that fails is no error, because the modes of the declared structure are known.
-   !> Without `elements`, the mesh is refined for the lowest modes, and only these are kept.
+   !> fitted. A fit that fails or is rejected is no error, because the modes of the declared
+   !> structure are known. Without `elements`, the mesh is refined for the lowest modes, and only
+   !> these are kept.
    !>
    !> case  on return with the refined mesh
    subroutine modes_of_case(case, found, error, monitor)
@@ -159,8 +156,6 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: still
-      type(mesh_t), allocatable :: meshes(:)
-      type(minima_t), allocatable :: minima(:)
       real(wp), allocatable :: shapes(:, :)
       integer :: k
 
@@ -184,11 +179,9 @@ contains
          end associate
       end do
       if (.not. found%is_fitted .or. allocated(found%fit_error)) return
-      ! A copy, because find_fits must not change part of the case that it reads.
-      meshes = found%case%meshes
-      call find_fits(found%case, meshes, found%experiments, found%fits, minima, found%fit_error, &
-         monitor)
-      found%case%meshes = meshes
+      call fit_case(found%case, found%fit, found%fit_error, monitor)
+      if (.not. allocated(found%fit_error)) call judge_or_fail(found%case, found%fit, &
+         found%fit_error, monitor)
    end subroutine modes_of_case
 
    !> Checks a case for `design`, and describes its experiments.

@@ -3,7 +3,7 @@
 !> need not be fitted again.
 module beamid_fleets
    use beamid_case_files, only: add_case, case_t
-   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_or_fail, load_case
    use beamid_cases, only: needs_fit, read_case
    use beamid_ensemble_rows, only: add_fit_rows, row_t
    use beamid_ensembles, only: member_t
@@ -228,10 +228,7 @@ contains
 
       !> Sets the error of the case if the verdict rejects the fit.
       subroutine judge()
-         if (.not. allocated(fit%error)) call judge_case(fit%case, fit%found, fit%error)
-         if (allocated(fit%error)) return
-         if (fit%found%verdict%no_fit /= '') call failure(fit%error, one%path//': no fit: '// &
-            fit%found%verdict%no_fit)
+         if (.not. allocated(fit%error)) call judge_or_fail(fit%case, fit%found, fit%error)
       end subroutine judge
 
    end subroutine judge_fleet_case

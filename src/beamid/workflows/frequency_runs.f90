@@ -2,8 +2,7 @@
 module beamid_frequency_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_modes, place_experiment
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: find_fits
-   use beamid_cases, only: load_experiments
+   use beamid_case_fits, only: case_fit_t, fit_case, judge_or_fail, load_case
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
    use beamid_frequency_data, only: line_frequencies
@@ -13,9 +12,8 @@ module beamid_frequency_runs
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_modal, only: modal_t
-   use beamid_multistart, only: minima_t
    use beamid_observed_data, only: meshed_model_t
-   use beamid_records, only: note_length, recording_t
+   use beamid_records, only: recording_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: prepare_for, work_t
    use beamid_simulation, only: lowest_modes, refine_for_modes
@@ -38,7 +36,7 @@ module beamid_frequency_runs
       type(experiment_t) :: experiment         !< where the force acts, and which sensor responds
       real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
       type(case_t) :: fitted                   !< the case with only those records that have a file
-      type(experiment_t), allocatable :: experiments(:)   !< of the fit
+      type(case_fit_t) :: fit                  !< its records, fit and verdict
       !> largest relative change of a natural frequency in the last refinement of the mesh; 0: the
       !> mesh was not refined
       real(wp) :: remaining = 0
@@ -88,7 +86,7 @@ contains
             'f_first, f_last and f_step, or a &stage', error)
          return
       end if
-      select type (observed => found%experiments(found%record)%observed)
+      select type (observed => found%fit%experiments(found%record)%observed)
       type is (frequency_response_t)
          found%frequency = observed%frequency
       end select
@@ -99,7 +97,6 @@ contains
       type(case_t), intent(in) :: case
       type(case_response_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
-      character(len=note_length), allocatable :: notes(:)
       logical :: has_file(size(case%recordings))
       integer :: k
 
@@ -110,7 +107,7 @@ contains
       found%is_fitted = can_be_fitted(found%fitted)
       if (found%is_fitted) call check_order(case, has_file, error)
       if (allocated(error)) return
-      if (found%is_fitted) call load_experiments(found%fitted, found%experiments, notes, error)
+      if (found%is_fitted) call load_case(found%fitted, found%fit, error)
    end subroutine find_fit
 
    !> Refuses a record without a file before one with a file if other groups refer to records by
@@ -138,14 +135,13 @@ contains
    !> `elements`, the mesh is refined: for the estimates, or without a fit for the lowest natural
    !> frequencies.
    !>
-   !> case  on return with the refined mesh
+   !> case   on return with the refined mesh
+   !> error  a fit that fails or that the verdict rejects, a response that cannot be computed
    subroutine compute_responses(case, found, error, monitor)
       type(case_t), intent(inout) :: case
       type(case_response_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
-      type(stage_fit_t), allocatable :: fits(:, :)
-      type(minima_t), allocatable :: minima(:)
       integer :: k
 
       if (case%refines .and. .not. found%is_fitted) call refine_for_modes( &
@@ -154,15 +150,16 @@ contains
       call locate(error, case%path)
       if (allocated(error)) return
       if (found%is_fitted) then
-         call find_fits(found%fitted, case%meshes, found%experiments, fits, minima, error, monitor)
-         call locate(error, case%path)
+         call fit_case(found%fitted, found%fit, error, monitor)
+         if (.not. allocated(error)) call judge_or_fail(found%fitted, found%fit, error, monitor)
          if (allocated(error)) return
+         case%meshes = found%fitted%meshes
          allocate (found%band(size(found%frequency), 2, size(case%meshes)))
       end if
       allocate (found%h(size(found%frequency), size(case%meshes)))
       do k = 1, size(case%meshes)
          if (found%is_fitted) then
-            associate (last => fits(size(fits, 1), k))
+            associate (last => found%fit%fits(size(found%fit%fits, 1), k))
                call compute_one(found, case%meshes(k), last%scenario%structures(found%record), &
                   found%h(:, k), error, last, found%band(:, :, k))
             end associate
