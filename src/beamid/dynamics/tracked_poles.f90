@@ -27,8 +27,8 @@ module beamid_tracked_poles
    !> The equations of the last structure and their poles.
    type :: tracked_poles_t
       type(poles_t) :: poles = poles_t()         !< poles of the last structure
-      !> the same poles, observed at the slope of the sensor; only if there is gravity
-      type(poles_t) :: tilt_poles = poles_t()
+      !> the same poles, observed at the slope of the sensor; allocated if there is gravity
+      type(poles_t), allocatable :: tilt_poles
       type(beam_modes_t), allocatable, private :: modes   !< modes of the bare beam
       !> the mesh for which the modes are computed
       type(mesh_t), private :: mesh = mesh_t()
@@ -317,6 +317,7 @@ contains
          if (assembly%layout%tilt_row > 0) then
             sensor = assembly%layout%sensor
             assembly%layout%sensor = assembly%layout%tilt_row
+            if (.not. allocated(self%tilt_poles)) allocate (self%tilt_poles)
             call self%tilt_poles%start_from(self%poles)
             self%tilt_poles%vector = self%poles%vector
             call find_residues(assembly, self%tilt_poles, error)
