@@ -5,7 +5,8 @@
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_score_tests, case_fit_t, fail_if_rejected, fit_case, &
+      judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
    use beamid_errors, only: locate
    use beamid_files, only: read_text
@@ -62,8 +63,7 @@ contains
       if (allocated(error)) return
       if (settings%time) call time_fits(case, found%experiments)
       call deliver(output, summary, settings, case%name, error, case)
-      if (.not. allocated(error) .and. found%verdict%no_fit /= '') call failure(error, &
-         case%path//': no fit: '//found%verdict%no_fit)
+      call fail_if_rejected(case, found, error)
    end subroutine run_identify
 
    !> Reads a case, fits it and judges the fit.

@@ -206,13 +206,14 @@ contains
       character(len=*), intent(in) :: signal
       integer, intent(in) :: expected
       type(outcome_t) :: outcome
-      character(len=*), parameter :: commands(2) = [character(len=9) :: 'sample', 'bootstrap']
+      character(len=*), parameter :: commands(2) = [character(len=9) :: 'sample', 'bootstrap'], &
+         threads(2) = [character(len=18) :: '', ' OMP_NUM_THREADS=1']
       integer :: k
 
       do k = 1, merge(size(commands), 1, signal == 'INT' .or. in_long_run())
          associate (what => trim(commands(k))//', '//signal//': ')
             outcome = run('env --default-signal='//signal// &
-               trim(merge(' OMP_NUM_THREADS=1', '                  ', k == 2))// &
+               trim(threads(k))// &
                ' timeout --foreground --preserve-status -k 20 -s '//signal//' 3 '''// &
                program_path//''' '//trim(commands(k))//' long.nml --quiet --out out')
             call check(what//'ends by the signal', outcome%status == expected, &

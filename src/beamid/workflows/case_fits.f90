@@ -32,7 +32,7 @@ module beamid_case_fits
    private
 
    public :: case_fit_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case, &
-      judge_or_fail, add_score_tests
+      fail_if_rejected, add_score_tests
 
    !> The records of a case, its fit and the verdict on it.
    type :: case_fit_t
@@ -321,18 +321,18 @@ contains
 
    end subroutine judge_case
 
-   !> Judges a fit as `judge_case` does. A verdict that rejects it is an error, too.
-   subroutine judge_or_fail(case, found, error, monitor)
-      type(case_t), intent(inout) :: case
-      type(case_fit_t), intent(inout) :: found
-      type(error_t), allocatable, intent(out) :: error
-      class(monitor_t), intent(inout), optional :: monitor
+   !> Makes an error of a verdict that rejects the fit. An earlier error is kept.
+   !>
+   !> found  as `judge_case` returns it
+   subroutine fail_if_rejected(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(in) :: found
+      type(error_t), allocatable, intent(inout) :: error
 
-      call judge_case(case, found, error, monitor)
       if (allocated(error)) return
       if (found%verdict%no_fit /= '') call failure(error, case%path//': no fit: '// &
          found%verdict%no_fit)
-   end subroutine judge_or_fail
+   end subroutine fail_if_rejected
 
    !> Adds the shift of the last stage's estimates on finer meshes, unless it is already known. May
    !> run beside other threads.

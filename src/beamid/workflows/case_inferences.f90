@@ -2,8 +2,8 @@
 module beamid_case_inferences
    use beamid_bootstraps, only: bootstrap_fit, bootstrap_t
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: case_fit_t
-   use beamid_errors, only: error_t, failure, locate
+   use beamid_case_fits, only: case_fit_t, fail_if_rejected
+   use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
@@ -40,10 +40,8 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       integer :: k
 
-      if (found%verdict%no_fit /= '') then
-         call failure(error, case%path//': no fit: '//found%verdict%no_fit)
-         return
-      end if
+      call fail_if_rejected(case, found, error)
+      if (allocated(error)) return
       allocate (inferences(size(case%meshes)))
       do k = 1, size(case%meshes)
          associate (mesh => case%meshes(k), last => found%fits(size(found%fits, 1), k))

@@ -7,7 +7,7 @@ module beamid_case_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_design, needs_modes, &
       needs_response, place_experiment
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_or_fail, load_case
+   use beamid_case_fits, only: case_fit_t, fail_if_rejected, fit_case, judge_case, load_case
    use beamid_cases, only: plan_experiments, sample_times
    use beamid_designs, only: compare_designs, designs_t
    use beamid_equations, only: equations_t, new_equations
@@ -180,8 +180,9 @@ contains
       end do
       if (.not. found%is_fitted .or. allocated(found%fit_error)) return
       call fit_case(found%case, found%fit, found%fit_error, monitor)
-      if (.not. allocated(found%fit_error)) call judge_or_fail(found%case, found%fit, &
+      if (.not. allocated(found%fit_error)) call judge_case(found%case, found%fit, &
          found%fit_error, monitor)
+      call fail_if_rejected(found%case, found%fit, found%fit_error)
    end subroutine modes_of_case
 
    !> Checks a case for `design`, and describes its experiments.

@@ -3,7 +3,8 @@
 !> need not be fitted again.
 module beamid_fleets
    use beamid_case_files, only: add_case, case_t
-   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_or_fail, load_case
+   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fail_if_rejected, fit_case, &
+      judge_case, load_case
    use beamid_cases, only: needs_fit, read_case
    use beamid_ensemble_rows, only: add_fit_rows, row_t
    use beamid_ensembles, only: member_t
@@ -228,7 +229,8 @@ contains
 
       !> Sets the error of the case if the verdict rejects the fit.
       subroutine judge()
-         if (.not. allocated(fit%error)) call judge_or_fail(fit%case, fit%found, fit%error)
+         if (.not. allocated(fit%error)) call judge_case(fit%case, fit%found, fit%error)
+         call fail_if_rejected(fit%case, fit%found, fit%error)
       end subroutine judge
 
    end subroutine judge_fleet_case

@@ -2,7 +2,7 @@
 module beamid_frequency_runs
    use beamid_case_checks, only: can_be_fitted, check_needs, needs_modes, place_experiment
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_or_fail, load_case
+   use beamid_case_fits, only: case_fit_t, fail_if_rejected, fit_case, judge_case, load_case
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
    use beamid_frequency_data, only: line_frequencies
@@ -151,7 +151,8 @@ contains
       if (allocated(error)) return
       if (found%is_fitted) then
          call fit_case(found%fitted, found%fit, error, monitor)
-         if (.not. allocated(error)) call judge_or_fail(found%fitted, found%fit, error, monitor)
+         if (.not. allocated(error)) call judge_case(found%fitted, found%fit, error, monitor)
+         call fail_if_rejected(found%fitted, found%fit, error)
          if (allocated(error)) return
          case%meshes = found%fitted%meshes
          allocate (found%band(size(found%frequency), 2, size(case%meshes)))
