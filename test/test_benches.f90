@@ -32,12 +32,11 @@ program test_benches
    integer :: number
 
    call start_random(20260211)
-   ! In short runs each of these without its weight or with it, in turn; in long runs both.
    do number = 1, 24
-      if (in_long_run() .or. modulo(number, 2) == 0) call test_motions(number, heavy=.false.)
+      call test_motions(number, heavy=.false.)
    end do
    do number = 1, 24
-      if (in_long_run() .or. modulo(number, 2) == 1) call test_motions(number, heavy=.true.)
+      call test_motions(number, heavy=.true.)
    end do
    do number = 41, 45
       call test_motions(number, heavy=.false.)
