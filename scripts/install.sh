@@ -28,13 +28,19 @@ program=$prefix/bin/beamid
 mkdir -p "$prefix/lib/pkgconfig" "$share/man/man1" "$share/bash-completion/completions" \
    "$share/zsh/site-functions"
 version=$("$program" version)
+flags=$("$checkout/scripts/setup.sh" flags)
+# The library that scripts/setup.sh makes where SUNDIALS is built with MPI.
+if [[ $flags == *-lsundials_no_mpi* ]]; then
+   cp "$checkout/external/sundials/libsundials_no_mpi.a" "$prefix/lib/"
+   flags=${flags/-L$checkout\/external\/sundials /}
+fi
 cat >"$prefix/lib/pkgconfig/beamid.pc" <<END
 prefix=$prefix
 Name: beamid
 Description: physical parameters of a flexible beam from an accelerometer record
 Version: ${version#beamid }
 Cflags: -I\${prefix}/include
-Libs: -L\${prefix}/lib -lbeamid $("$checkout/scripts/setup.sh" flags)
+Libs: -L\${prefix}/lib -lbeamid $flags
 END
 "$program" help man >"$share/man/man1/beamid.1"
 "$program" help bash >"$share/bash-completion/completions/beamid"

@@ -76,34 +76,68 @@ named() {
    cat "$@" | tr '\n' ' ' | grep -o "$key = \[[^]]*]" | grep -o '"[^"]*"' | tr -d '"'
 }
 
-# Links a program against all that a build uses, `libraries`. Sets `opened`, the linker's list of
+# links OPTION...: links a program that uses all that a build uses. Sets `opened`, the linker's list of
 # files, or `reason`.
-libraries_work() {
+links() {
    local folder status=0
+   folder=$(mktemp -d)
+   printf '%s\n' 'use fcvode_mod, only: FCVode' 'external lmdif, lmder, dsbgvd, dgemm' \
+      'call lmdif; call lmder; call dsbgvd; call dgemm' 'end' >"$folder/probe.f90"
+   opened=$("$compiler" "-I$modules" -J "$folder" -o "$folder/probe" "$folder/probe.f90" "$@" \
+      -Wl,-t 2>&1) || status=1
+   rm -r "$folder"
+   [[ $status == 0 ]] || reason=$(grep -iE 'error|cannot find|undefined' <<<"$opened" | head -n 3)
+   return $status
+}
+
+# join_without_mpi ARCHIVE...: makes one library of static libraries of SUNDIALS and of what replaces
+# MPI, in the folder of the binding. Each of Debian's archives contains what it uses of the others.
+join_without_mpi() {
+   local joined=$binding/libsundials_no_mpi.a object
+   mkdir -p "$binding"
+   [[ ! $joined -nt $1 || ! $joined -nt $checkout/external/sundials-7/no_mpi.c ||
+      $(cat "$binding/root" 2>/dev/null) != "$root" ]] || return 0
+   object=$(mktemp --suffix=.o)
+   "$compiler" -r -nostdlib -fPIC -o "$object" "$checkout/external/sundials-7/no_mpi.c" \
+      -Wl,--whole-archive,--allow-multiple-definition "$@" &&
+      objcopy --wildcard --localize-symbol='MPI_*' --localize-symbol='ompi_*' "$object" &&
+      rm -f "$joined" && ar rcs "$joined" "$object" || fail "cannot join $*"
+   rm "$object"
+}
+
+# Whether all that a build uses is there. Sets `libraries`, what the linker takes, and `joined`: the
+# library that replaces SUNDIALS' own if these load MPI (external/sundials-7/no_mpi.c).
+libraries_work() {
+   local core theirs
    have "$compiler" || { reason="no compiler $compiler"; return 1; }
    find_sundials
    [[ -f $modules/fcvode_mod.mod ]] || {
       reason="no Fortran modules of SUNDIALS (fcvode_mod.mod) in $root"
       return 1
    }
-   mapfile -t libraries < <(named link "$checkout"/fpm.toml \
-      "$checkout/external/sundials-$version/fpm.toml" | sed 's/^/-l/')
-   folder=$(mktemp -d)
-   printf '%s\n' 'use fcvode_mod, only: FCVode' 'external lmdif, lmder, dsbgvd, dgemm' \
-      'call lmdif; call lmder; call dsbgvd; call dgemm' 'end' >"$folder/probe.f90"
+   mapfile -t libraries < <(named link "$checkout/fpm.toml" | sed 's/^/-l/')
+   mapfile -t theirs < <(named link "$checkout/external/sundials-$version/fpm.toml")
    # shellcheck disable=SC2086
-   opened=$("$compiler" "-I$modules" -J "$folder" -o "$folder/probe" "$folder/probe.f90" $search \
-      "${libraries[@]}" -Wl,-t 2>&1) || status=1
-   rm -r "$folder"
-   [[ $status == 0 ]] || reason=$(grep -iE 'error|cannot find|undefined' <<<"$opened" | head -n 3)
-   return $status
+   links $search "${libraries[@]}" "${theirs[@]/#/-l}" || return 1
+   joined=
+   core=$(grep -m 1 '/libsundials_core\.so$' <<<"$opened") || core=
+   if [[ -f ${core%.so}.a ]] && readelf -d "$core" | grep -q 'NEEDED.*\[libmpi'; then
+      theirs=("${theirs[@]/#/${core%/*}/lib}")
+      join_without_mpi "${theirs[@]/%/.a}"
+      joined=sundials_no_mpi theirs=(sundials_no_mpi) search=-L$binding
+   fi
+   libraries+=("${theirs[@]/#/-l}")
 }
 
 # The package `external/sundials`: the binding for the version found, and where its modules lie.
 write_binding() {
    local manifest
    manifest=$(<"$checkout/external/sundials-$version/fpm.toml")
-   manifest=${manifest/sundials_cvode\"/sundials_cvode${search:+ $search}\"}
+   if [[ -n $joined ]]; then
+      manifest=${manifest/link = \[*external-/link = [\"$joined $search\"]$'\n'external-}
+   else
+      manifest=${manifest/sundials_cvode\"/sundials_cvode${search:+ $search}\"}
+   fi
    [[ -d $binding ]] || mkdir "$binding"
    [[ -f $binding/fpm.toml && $(<"$binding/fpm.toml") == "$manifest" ]] ||
       echo "$manifest" >"$binding/fpm.toml"
