@@ -4,6 +4,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import importlib
+import inspect
 import re
 import signal
 import sys
@@ -319,8 +320,9 @@ def table_of(tables: Mapping[str, str], name: str) -> str:
 def documented(result: _Result) -> _Result:
     """Give the fields of a named tuple the text that the section Attributes of its docstring has,
     so that help() shows it instead of 'Alias for field number'."""
-    section = (result.__doc__ or "").partition("----------\n")[2]
-    for name, text in re.findall(r"^    (\w+) : .*\n((?:        .*\n)+)", section, re.MULTILINE):
+    # Python 3.13 removes the indentation of docstrings; `getdoc` removes it in all versions.
+    section = (inspect.getdoc(result) or "").partition("----------\n")[2]
+    for name, text in re.findall(r"^(\w+) : .*\n((?:    .*\n)+)", section + "\n", re.MULTILINE):
         getattr(result, name).__doc__ = " ".join(text.split())
     return result
 
