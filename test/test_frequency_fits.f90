@@ -36,6 +36,7 @@ program test_frequency_fits
       call test_two_frequencies()
       call test_assignment()
       call test_band()
+      call test_pure_noise()
       call test_refinement()
       call test_excess()
       call test_mixture()
@@ -492,6 +493,30 @@ contains
          index(outcome%out, 'no intervals: ') > 0 .and. index(outcome%out, 'no fit: ') > 0 .and. &
          .not. exists('wrong/modes_fitted.csv'), outcome%out)
    end subroutine test_band
+
+   !> A response that is nothing but noise, fitted by a beam without damping, whose peaks exceed it:
+   !> the residuals are white within their tests, and some thousand times as large as the record.
+   subroutine test_pure_noise()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table
+      real(wp) :: noise(2)
+      integer :: k, seed
+
+      do seed = 1, 3
+         table = 'frequency_hz,real,imag,sd'//nl
+         do k = 5, 299
+            noise = gaussian_noise(2, 0.1_wp, 1000*seed + k)
+            table = table//to_text(k)//','//to_text(noise(1))//','//to_text(noise(2))//',0.1'//nl
+         end do
+         call write_file('noise.csv', table)
+         call write_file('noise.nml', '&beam length=0.5, rho=0.27, E=6.5e10, I=3e-11 /'//nl// &
+            '&sensor x_S=0.4 /'//nl//'&record kind=''frf'', file=''noise.csv'', x_F=0.2 /'//nl// &
+            '&stage free=''E'' /'//nl)
+         outcome = beamid('identify noise.nml --quiet --out noise')
+         call check('pure noise is no fit', outcome%status == 1 .and. &
+            index(outcome%err, 'no fit: ') > 0, outcome%err//outcome%out)
+      end do
+   end subroutine test_pure_noise
 
    !> Returns the magnitude of the response of a beam.
    !>

@@ -7,10 +7,11 @@ module beamid_verdict_reports
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, filled, unit_suffix
    use beamid_outputs, only: output_t
+   use beamid_qualities, only: quality_t
    use beamid_strings, only: full, to_text
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: text_t
-   use beamid_verdicts, only: quality_t, verdict_t
+   use beamid_verdicts, only: verdict_t
    implicit none
    private
 
