@@ -211,6 +211,11 @@ contains
 
    !> Computes D, D' and 1/D at a point.
    !>
+   !> Two oscillators may have the same pole: the rigid motions of a free beam in air. A mass on the
+   !> beam couples them, but leaves a root at this pole, with D_j = D_i = 0 but for round-off. The
+   !> vector is the limit of that of a point next to it, so that 1/D_i is taken one rounding error
+   !> away; closer, the differences of large numbers would be lost.
+   !>
    !> D, dD    (n) D and D'
    !> inverse  (n) 1/D, with 0 in the place of 1/D_j
    pure subroutine denominators(self, root, D, dD, inverse)
@@ -218,16 +223,23 @@ contains
       type(root_t), intent(in) :: root
       complex(wp), intent(out) :: D(size(self%m)), dD(size(self%m))
       complex(wp), intent(out), optional :: inverse(size(self%m))
-      real(wp) :: square
+      complex(wp) :: near
+      real(wp) :: reach, square
       integer :: i
 
       call quadratic_denominators(size(self%m), self%m, self%pole, root, D, dD)
       if (self%relaxation%n > 0) call relax_denominators(self, root, D, dD)
       if (.not. present(inverse)) return
+      reach = epsilon(1.0_wp)**2*(real(root%s)**2 + aimag(root%s)**2)
       do i = 1, size(self%m)
-         square = real(D(i))**2 + aimag(D(i))**2
+         near = D(i)
+         square = real(near)**2 + aimag(near)**2
+         if (.not. square > reach*(real(dD(i))**2 + aimag(dD(i))**2)) then
+            near = epsilon(1.0_wp)*root%s*dD(i)
+            square = real(near)**2 + aimag(near)**2
+         end if
          inverse(i) = 0
-         if (square > 0) inverse(i) = cmplx(real(D(i))/square, -aimag(D(i))/square, wp)
+         if (square > 0) inverse(i) = cmplx(real(near)/square, -aimag(near)/square, wp)
       end do
       inverse(root%j) = 0
    end subroutine denominators
