@@ -50,8 +50,8 @@ module beamid_statistics
       !> never smaller than those above: the autocovariances of the residuals replace sigma**2
       !> (estimate of Newey and West)
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
-      !> (n) whether the estimates that several records favour differ by more than the residuals
-      !> explain; the corrected error then comes from these differences
+      !> (n) whether the estimates that several groups of rows favour differ by more than the
+      !> residuals explain; the corrected error then comes from these differences
       logical, allocatable :: disputed(:)
       !> number of independent samples with as much information as the m correlated samples;
       !> smallest over the parameters
@@ -75,19 +75,20 @@ contains
    !> samples   number of data rows, which come first; default: all rows. The other rows are prior
    !>           knowledge, weighted like data of the standard deviation `noise`
    !> noise     standard deviation of the noise used in these weights
-   !> first     (records) first row of each of several records
-   !> shared    (n) whether the records have a parameter in common; required with `first`
+   !> group     (samples) number of the group of each row, such as a record: within a group, errors
+   !>           of the model may have a common cause. Default: one group
+   !> shared    (n) whether several groups determine a parameter; required with `group`
    !> ordered   (samples) rows whose noise may depend on that of the row before; default: all
    !> is_known  whether each row has been divided by the known standard deviation of its noise. The
    !>           variance is then 1, unless the residuals are improbable with it; default .false.
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, &
-      noise, first, shared, ordered, is_known)
+      noise, group, shared, ordered, is_known)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
       integer, intent(in), optional :: samples
       real(wp), intent(in), optional :: noise
-      integer, intent(in), optional :: first(:)
+      integer, intent(in), optional :: group(:)
       logical, intent(in), optional :: shared(:), ordered(:)
       logical, intent(in), optional :: is_known
       real(wp) :: t
@@ -120,7 +121,7 @@ contains
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
       allocate (statistics%withdrawn(n), source=.false.)
-      call correct_errors(jacobian, residual(:m), statistics, noise, first, shared, ordered)
+      call correct_errors(jacobian, residual(:m), statistics, noise, group, shared, ordered)
    end subroutine new_statistics
 
    !> Sets the variance of the noise and the quantile of the intervals.
@@ -235,11 +236,11 @@ contains
    !> jacobian              (m, n) of all rows
    !> residual              (samples) of the data
    !> others                as in `new_statistics`
-   subroutine correct_errors(jacobian, residual, statistics, noise, first, shared, ordered)
+   subroutine correct_errors(jacobian, residual, statistics, noise, group, shared, ordered)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), intent(in), optional :: noise
-      integer, intent(in), optional :: first(:)
+      integer, intent(in), optional :: group(:)
       logical, intent(in), optional :: shared(:), ordered(:)
       real(wp), allocatable :: influence(:), sequence(:), pull(:, :), share(:, :), products(:)
       real(wp) :: gamma(max_lags), variance
@@ -266,7 +267,7 @@ contains
       gamma(:lags) = [(1 - k/(lags + 1.0_wp), k=1, lags)]*lagged_products(sequence, lags) &
          /max(1, length - statistics%parameters)
       k = 0
-      if (present(first)) k = size(first)
+      if (present(group)) k = maxval(group)
       allocate (pull(k, statistics%parameters), share(k, statistics%parameters))
       allocate (influence(size(jacobian, 1)))
       do j = 1, statistics%parameters
@@ -280,7 +281,7 @@ contains
             + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:)**2)
          products = lagged_products(influence(:m), lags)
          variance = variance + 2*sum(gamma(:lags)*products)
-         if (present(first)) call find_pulls(influence, residual, first, pull(:, j), share(:, j))
+         if (present(group)) call find_pulls(influence, residual, group, pull(:, j), share(:, j))
          if (variance <= statistics%covariance(j, j)) cycle
          statistics%corrected_error(j) = sqrt(variance)
          statistics%effective = min(statistics%effective, m*statistics%covariance(j, j)/variance)
@@ -291,49 +292,49 @@ contains
          statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
             max(1.0_wp, statistics%effective - statistics%parameters))
       end if
-      if (present(first)) call add_disagreement(pull, share, shared, statistics)
+      if (present(group)) call add_disagreement(pull, share, shared, statistics)
    end subroutine correct_errors
 
-   !> Computes the contribution of each record to the estimate of a parameter.
+   !> Computes the contribution of each group to the estimate of a parameter.
    !>
    !> influence  (m or more) change of the estimate per unit of residual
    !> residual   (m) of the data
-   !> first      (R) first row of each record
-   !> pull       (R) contributions
+   !> group      (m) number of the group of each row
+   !> pull       (R) contributions of the groups
    !> share      (R) their variances for residuals of variance one
-   pure subroutine find_pulls(influence, residual, first, pull, share)
+   pure subroutine find_pulls(influence, residual, group, pull, share)
       real(wp), intent(in) :: influence(:), residual(:)
-      integer, intent(in) :: first(:)
+      integer, intent(in) :: group(:)
       real(wp), intent(out) :: pull(:), share(:)
-      integer :: last, r
+      integer :: k
 
-      do r = 1, size(first)
-         last = size(residual)
-         if (r < size(first)) last = first(r + 1) - 1
-         pull(r) = dot_product(influence(first(r):last), residual(first(r):last))
-         share(r) = sum(influence(first(r):last)**2)
+      pull = 0
+      share = 0
+      do k = 1, size(residual)
+         pull(group(k)) = pull(group(k)) + influence(k)*residual(k)
+         share(group(k)) = share(group(k)) + influence(k)**2
       end do
    end subroutine find_pulls
 
-   !> Corrects standard errors for disagreement between records. The contribution of record r to the
-   !> estimate, e_r = sum of influence times residual over the record, sums to zero over all R
-   !> records, and R/(R - 1) sum e_r**2 estimates the variance whatever is wrong with the model in
-   !> each record. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
+   !> Corrects standard errors for disagreement between groups. The contribution of group r to the
+   !> estimate, e_r = sum of influence times residual over the group, sums to zero over all R
+   !> groups, and R/(R - 1) sum e_r**2 estimates the variance whatever is wrong with the model in
+   !> each group. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
    !> under the variances that the (coloured) noise gives the e_r.
    !>
    !> pulls   (R, n) contributions of each record
    !> shares  (R, n) their variances for residuals of variance one
-   !> shared  (n) whether the records have a parameter in common
+   !> shared  (n) whether several groups determine a parameter
    subroutine add_disagreement(pulls, shares, shared, statistics)
       real(wp), intent(in) :: pulls(:, :), shares(:, :)
       logical, intent(in) :: shared(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), parameter :: improbable = 0.05_wp
       real(wp) :: pull(size(pulls, 1)), variance(size(pulls, 1)), total
-      integer :: j, records
+      integer :: groups, j
 
-      records = size(pulls, 1)
-      if (records < 2) return
+      groups = size(pulls, 1)
+      if (groups < 2) return
       do j = 1, statistics%parameters
          if (.not. (shared(j) .and. statistics%std_error(j) > 0)) cycle
          variance = statistics%variance*shares(:, j) &
@@ -342,11 +343,11 @@ contains
          where (variance > 0) pull = pull**2/variance
          if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &
             >= improbable) cycle
-         total = sqrt(records/(records - 1.0_wp)*sum(pull*variance, mask=variance > 0))
+         total = sqrt(groups/(groups - 1.0_wp)*sum(pull*variance, mask=variance > 0))
          if (total <= statistics%corrected_error(j)) cycle
          statistics%disputed(j) = .true.
          statistics%corrected_error(j) = total
-         statistics%corrected_half_width(j) = total*student_quantile(0.95_wp, records - 1.0_wp)
+         statistics%corrected_half_width(j) = total*student_quantile(0.95_wp, groups - 1.0_wp)
       end do
    end subroutine add_disagreement
 

@@ -145,7 +145,7 @@ contains
       real(wp), allocatable :: scales(:)
       integer, allocatable :: rows(:)
       logical, allocatable :: ordered(:)   ! not allocated: all rows are
-      integer :: a, n
+      integer :: a, group(problem%samples()), groups(0:size(problem%parts)), n
       logical :: enough
 
       do a = 1, fields
@@ -163,6 +163,7 @@ contains
             found%check = check_residuals(found%fit%residual(rows), found%jacobian(rows, :))
             ordered = problem%are_ordered()
          end if
+         call problem%group_rows(found%fit%residual(:m), group, groups)
       end associate
       ! Linear unknowns count as parameters. Their scale replaces their value, because nobody asks
       ! whether an offset of 0 is determined.
@@ -175,7 +176,7 @@ contains
          if (enough) call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
-            problem%first_rows(), q%record == 0, ordered, problem%knows_noise())
+            group, groups(q%record) > 1, ordered, problem%knows_noise())
          if (allocated(error)) return
          call judge_dip(found, trials, misfit_of(problem, found%fit))
          call judge_functions(found)

@@ -36,6 +36,7 @@ module beamid_fit_setups
       procedure :: first_rows
       procedure :: sequence
       procedure :: are_ordered
+      procedure :: group_rows
       procedure :: is_all_time
       procedure :: knows_noise
       procedure :: rows
@@ -92,6 +93,32 @@ contains
       first = self%first_rows()
       rows = [(self%parts(i)%observed%sequence() + first(i) - 1, i=1, size(self%parts))]
    end function sequence
+
+   !> Divides the rows of data into groups: records, and the resonances of a frequency response.
+   !>
+   !> residual  (samples) weighted residuals of a fit
+   !> group     (samples) number of the group of each row, ascending
+   !> groups    (0:records) number of all groups, and of those of each record
+   pure subroutine group_rows(self, residual, group, groups)
+      class(fit_setup_t), intent(in) :: self
+      real(wp), intent(in) :: residual(:)
+      integer, intent(out) :: group(:), groups(0:)
+      integer :: i, row
+
+      groups(0) = 0
+      row = 0
+      do i = 1, size(self%parts)
+         associate (observed => self%parts(i)%observed, m => size(self%parts(i)%observed%measured))
+            associate (own => group(row + 1:row + m))
+               own = observed%groups(residual(row + 1:row + m)/self%weight(i))
+               groups(i) = maxval(own)
+               own = own + groups(0)
+            end associate
+            groups(0) = groups(0) + groups(i)
+            row = row + m
+         end associate
+      end do
+   end subroutine group_rows
 
    !> Returns for each row of data (samples) whether it is part of a time record, so that its noise
    !> may depend on that of the row before.

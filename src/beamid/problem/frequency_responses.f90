@@ -39,6 +39,7 @@ module beamid_frequency_responses
    contains
       procedure :: evaluate
       procedure :: sequence
+      procedure :: groups => resonances
       procedure :: plain
       procedure :: take
       procedure :: kind
@@ -123,6 +124,34 @@ contains
       n = size(self%frequency)
       sequence = [[(k, k=1, n, distance)], [(n + k, k=1, n, distance)]]
    end function sequence
+
+   !> Returns the groups of the rows: the lines around each resonance of the fitted response,
+   !> between its smallest magnitudes.
+   pure function resonances(self, residual) result(group)
+      class(frequency_response_t), intent(in) :: self
+      real(wp), intent(in) :: residual(:)
+      integer :: group(size(self%measured))
+      real(wp) :: h(size(self%h))
+      integer :: k, number
+      logical :: has_peak
+
+      h = abs(self%lines_of(self%measured + residual))
+      number = 1
+      has_peak = .false.
+      associate (n => size(h))
+         do k = 1, n
+            group(k) = number
+            if (k == 1 .or. k == n) cycle
+            if (h(k) > h(k - 1) .and. h(k) >= h(k + 1)) has_peak = .true.
+            if (has_peak .and. h(k) < h(k - 1) .and. h(k) <= h(k + 1)) then
+               number = number + 1
+               has_peak = .false.
+            end if
+         end do
+         if (.not. has_peak) where (group(:n) == number) group(:n) = max(1, number - 1)
+         group(n + 1:) = group(:n)
+      end associate
+   end function resonances
 
    !> Returns the variance of the real part and of the imaginary part of a frequency response that
    !> is the average of n blocks, |h|**2 (1 - c)/(2 (n - 1) c) with the coherence c (Bendat and

@@ -69,6 +69,7 @@ module beamid_observed_data
       procedure :: expand => expand_nothing
       procedure :: times => no_times
       procedure :: sequence => all_rows
+      procedure :: groups => one_group
       procedure :: plain => as_it_is
       procedure :: take => take_values
       procedure :: kind => another_kind
@@ -202,6 +203,18 @@ contains
 
       rows = [(k, k=1, size(self%measured))]
    end function all_rows
+
+   !> Returns the number of the group of each row. The errors of a group may have a common cause
+   !> that the model lacks.
+   !>
+   !> residual  (m) of a fit [unit of `measured`]
+   pure function one_group(self, residual) result(group)
+      class(observed_data_t), intent(in) :: self
+      real(wp), intent(in) :: residual(:)
+      integer :: group(size(self%measured))
+
+      group = spread(1, 1, size(residual))
+   end function one_group
 
    !> Returns values or residuals without the division by the noise of each row.
    !>

@@ -69,9 +69,11 @@ contains
          'relative difference of exact derivatives and central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
          to_text(fit%fit%derivative_check(2))//' at the end')
-      if (any(fit%statistics%disputed)) call text%line('the records disagree '// &
-         'about '//listed(pack(names, fit%statistics%disputed), ', ')//' by more than their '// &
-         'residuals explain; the corrected errors include this disagreement')
+      line = 'the records disagree'
+      if (size(fit%scenario%structures) == 1) line = 'the resonances of the record disagree'
+      if (any(fit%statistics%disputed)) call text%line(line//' about '// &
+         listed(pack(names, fit%statistics%disputed), ', ')//' by more than their residuals '// &
+         'explain; the corrected errors include this disagreement')
       call add_residual_check(text, fit)
    end subroutine add_statistics
 
@@ -166,6 +168,8 @@ contains
          else if (any(fit%statistics%std_error >= unlimited)) then
             call text%line('residuals are NOT white; some standard errors are unlimited and '// &
                'cannot be corrected')
+         else if (.not. fit%statistics%effective < fit%statistics%samples) then
+            call text%line('residuals are NOT white: the model leaves something unexplained')
          else
             call text%line('residuals are NOT white: the samples are worth '// &
                to_text(fit%statistics%effective)// &
