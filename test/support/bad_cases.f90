@@ -185,7 +185,8 @@ contains
       outcome = beamid(command//' case.nml --quiet --out result', 'bad')
       call check(command//': '//what//' is accepted', (outcome%status == 0 &
          .and. outcome%err == '' .or. outcome%status == 1 .and. &
-         index(outcome%out, 'no fit: the residuals are larger') == 1) .and. outcome%out /= '' .and. &
+         index(outcome%out, 'no fit: the residuals are larger') == 1) &
+         .and. outcome%out /= '' .and. &
          exists(folder//'result/summary.txt'), outcome%out//'//'//outcome%err)
       call remove_tree(folder//'result')
    end subroutine accepted

@@ -120,7 +120,8 @@ contains
                one=tests(k))
             ! For several records each search takes longer than their fit. A clamp that yields is
             ! the usual cause if one model cannot explain them all.
-            if (.not. fit%check%white .and. (size(experiments) == 1 .or. p == of_kappa_R)) &
+            if ((.not. fit%check%white .or. fit%statistics%is_exceeded) .and. &
+               (size(experiments) == 1 .or. p == of_kappa_R)) &
                call refit(model, mesh, experiments, fit, p, prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.
             if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &

@@ -9,16 +9,18 @@ module beamid_verdicts
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
+   use beamid_parameters, only: parameters
    use beamid_qualities, only: describe_misfit, quality_of, quality_of_lines, quality_t
    use beamid_responses, only: work_t
    use beamid_sightings, only: find_lines_left, find_missed_modes, modes_in_record, sighting_t
    use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
+   use beamid_structure, only: is_coefficient, of_E, structure_t
    use beamid_trials, only: resting
    implicit none
    private
 
-   public :: verdict_t, sighting_t, new_verdict
+   public :: verdict_t, sighting_t, new_verdict, implausible
 
    !> The verdict on a fit.
    type :: verdict_t
@@ -137,6 +139,41 @@ contains
       end subroutine judge_record
 
    end subroutine new_verdict
+
+   !> Names the first estimate that nobody would expect from the values of the case; '' if there is
+   !> none. A wrong table or unit may be fitted well by such a value.
+   !>
+   !> given  structure with the values of the case
+   function implausible(given, fit) result(text)
+      type(structure_t), intent(in) :: given
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: text
+      !> Factors that no choice of a material explains beside a value that was meant to be right,
+      !> and no guess of a mass.
+      real(wp), parameter :: most_modulus = 5, most_mass = 30
+      real(wp) :: most, value
+      integer :: k
+
+      text = ''
+      do k = 1, size(fit%free)
+         associate (q => fit%quantities(k), p => fit%free(k))
+            if (is_coefficient(p)) cycle
+            if (p == of_E) then
+               most = most_modulus
+            else if (all(parameters(p)%unit == [1, 0, 0])) then
+               most = most_mass
+            else
+               cycle
+            end if
+            value = given%get(p)
+            if (.not. (value > 0 .and. q%value > 0)) cycle
+            if (.not. abs(log(q%value/value)) > log(most)) cycle
+            text = trim(q%name)//' is far from the value of the case; correct that value if '// &
+               'the estimate is right'
+            return
+         end associate
+      end do
+   end function implausible
 
    !> Adds modes to a list, with their frequencies.
    !>

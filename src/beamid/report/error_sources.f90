@@ -12,7 +12,7 @@ module beamid_error_sources
    use beamid_strings, only: rounded, to_text
    use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
-      use beamid_units, only: units_t
+   use beamid_units, only: units_t
    implicit none
    private
 
@@ -29,7 +29,7 @@ contains
    subroutine add_error_sources(text, units, fit)
       type(text_t), intent(inout) :: text
       type(units_t), intent(in) :: units
-type(stage_fit_t), intent(in) :: fit
+      type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
       real(wp) :: from_fixed(3)
       integer :: k
@@ -67,7 +67,7 @@ type(stage_fit_t), intent(in) :: fit
    subroutine add_assumptions(text, units, fit)
       type(text_t), intent(inout) :: text
       type(units_t), intent(in) :: units
-type(stage_fit_t), intent(in) :: fit
+      type(stage_fit_t), intent(in) :: fit
       integer :: k
 
       if (.not. allocated(fit%held)) return

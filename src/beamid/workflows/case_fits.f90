@@ -25,7 +25,7 @@ module beamid_case_fits
    use beamid_strings, only: rounded
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_unknowns, only: stage_t
-   use beamid_verdicts, only: new_verdict, verdict_t
+   use beamid_verdicts, only: implausible, new_verdict, verdict_t
    use beamid_weak_estimates, only: widen_weak_estimates
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
@@ -56,7 +56,7 @@ contains
    !> found  initial; on return with the records, nothing fitted
    !> error  records that cannot be read or do not go together
    subroutine load_case(case, found, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
 
@@ -227,6 +227,8 @@ contains
                   call describe_causes(case, found%experiments, found%notes, causes)
                   if (causes /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//causes
                end if
+               if (found%verdict%caution == '') &
+                  found%verdict%caution = implausible(case%model%structure, last)
                if (found%verdict%caution//found%verdict%no_fit /= '') &
                   last%statistics%determined = .false.
                call judge_ranges(case%model, mesh, found%experiments, last)

@@ -187,7 +187,7 @@ contains
    !> error        a record that cannot be read, records that contradict one another, or a stage
    !>              with more unknowns than samples
    subroutine load_experiments(case, experiments, notes, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(experiment_t), allocatable, intent(out) :: experiments(:)
       character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
@@ -300,7 +300,7 @@ contains
    !> measured  (m) acceleration [length/time**2]
    !> error     as in `load_experiments`
    subroutine measured_samples(case, samples, measured, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
       type(experiment_t), allocatable :: experiments(:)

@@ -18,7 +18,7 @@ contains
 
    !> Makes a candidate of a case, with its records and its last mesh.
    subroutine new_candidate(case, candidate, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(candidate_t), intent(out) :: candidate
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: notes(:)
@@ -78,7 +78,7 @@ contains
    !> by_ratios  whether only damping ratios are compared
    !> labels     (models) names of the models in the tables
    subroutine compare_damping(case, by_ratios, found, labels, error, monitor)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       logical, intent(in) :: by_ratios
       type(damping_models_t), intent(out) :: found
       type(string_t), allocatable, intent(out) :: labels(:)

@@ -28,7 +28,7 @@ contains
    !> notes       sentences about the record
    !> error       a file that cannot be read, or keys that do not go with it
    subroutine load_frequency_data(case, k, experiment, notes, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       integer, intent(in) :: k
       type(experiment_t), intent(inout) :: experiment
       character(len=note_length), allocatable, intent(out) :: notes(:)
@@ -219,20 +219,26 @@ contains
          'the convention exp(-i omega t): the response has been conjugated')
    end subroutine check_convention
 
-   !> Loads a table of modes, and assigns them to modes of the model.
+   !> Loads a table of modes, and assigns them to modes of the model. A mesh that is refined
+   !> automatically starts with enough elements for them.
    subroutine load_modes(case, recording, experiment, table, notes, error)
-      type(case_t), intent(in) :: case
+      type(case_t), intent(inout) :: case
       type(recording_t), intent(in) :: recording
       type(experiment_t), intent(in) :: experiment
       type(modal_table_t), intent(inout) :: table
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
+      !> Highest mode for which the mesh is refined.
+      integer, parameter :: highest = 20
       type(modal_rows_t) :: rows
       real(wp), allocatable :: computed(:)
       integer :: k
 
       call read_modal_rows(recording%path, rows, error)
-      if (.not. allocated(error)) call frequencies_of(case, experiment, computed, error)
+      if (allocated(error)) return
+      if (case%refines .and. allocated(rows%mode)) case%meshes%elements = &
+         max(case%meshes%elements, 2*min(maxval(rows%mode), highest))
+      call frequencies_of(case, experiment, computed, error)
       if (allocated(error)) return
       table%frequency = rows%frequency
       table%sd_frequency = rows%sd
