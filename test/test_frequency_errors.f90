@@ -141,7 +141,8 @@ contains
 
       call write_response(true_beam, 0.9_wp, 1.0_wp, 9)
       answer = identified(case_of(true_beam))
-      call check('a wrong calibration', is_honest(answer), answer%out)
+      call check('a wrong calibration', is_honest(answer) .and. index(answer%head, &
+         'contradicts the scale') > 0, answer%out)
    end subroutine test_calibration
 
    !> Frequencies in rad/s lie near those of the next mode of a cantilever.

@@ -28,6 +28,7 @@ module beamid_score_tests
    use beamid_parameter_names, only: name_length, name_of_parameter
    use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: priors_of
+   use beamid_record_errors, only: errors_of, record_error_t
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
@@ -44,8 +45,9 @@ module beamid_score_tests
    !> The test of one candidate.
    type :: score_test_t
       character(len=name_length) :: name = ''
-      integer :: parameter = 0             !< index in the table of parameters; 0: the offset
-      integer :: record = 0                !< of the offset; 0: all records
+      !> index in the table of parameters; 0: an error of a record, with its name
+      integer :: parameter = 0
+      integer :: record = 0                !< of this error; 0: all records
       !> Probability of a score at least this large if the candidate has the model's value.
       real(wp) :: p_value = 1
       !> Estimate of the candidate by one Gauss-Newton step or by the refit; a spring as stiffness.
@@ -59,6 +61,8 @@ module beamid_score_tests
       !> Whether the test is significant and, in addition, the candidate shifts an estimate by more
       !> than half of its half width or reduces the sum of squares by more than a tenth.
       logical :: matters = .false.
+   contains
+      procedure :: remedy
    end type score_test_t
 
    !> Significance level of all tests together.
@@ -68,8 +72,8 @@ module beamid_score_tests
 
 contains
 
-   !> Tests k_R, J_S, gamma, c_D and x_S, eta if no record is a function of time, and the offset of
-   !> each record that is one, as far as the fit has not estimated them. J_S and x_S are those of
+   !> Tests k_R, J_S, gamma, c_D and x_S, eta if no record is a function of time, and the errors of
+   !> each record (`errors_of`), as far as the fit has not estimated them. J_S and x_S are those of
    !> the sensor of the first record.
    !>
    !> fit    result of one stage, with statistics
@@ -107,7 +111,7 @@ contains
       is_in_time = [(.not. allocated(experiments(k)%observed), k=1, size(experiments))]
       call choose_candidates(fit, fit%scenario%structures(1), any(is_in_time), candidates)
       deallocate (tests)
-      allocate (tests(size(candidates) + merge(0, count(is_in_time), problem%offset)))
+      allocate (tests(size(candidates)))
       do k = 1, size(candidates)
          call differentiate(problem, fit, candidates(k), d, error)
          if (allocated(error)) return
@@ -128,39 +132,55 @@ contains
                tests(k)%value = 1/tests(k)%value
          end associate
       end do
-      if (.not. problem%offset) call test_offsets(experiments, fit, is_in_time, &
-         tests(size(candidates) + 1:))
+      call test_records(experiments, fit, .not. problem%offset, tests)
       call decide(fit, tests)
    end subroutine test_candidates
 
-   !> Tests the offset of each record that is a function of time.
+   !> Tests the errors that each record may have.
    !>
-   !> is_in_time  (records) which records are functions of time
-   !> tests       (number of these records)
-   subroutine test_offsets(experiments, fit, is_in_time, tests)
+   !> offset  whether the offset is to be tested
+   !> tests   to which these tests are added
+   subroutine test_records(experiments, fit, offset, tests)
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
-      logical, intent(in) :: is_in_time(:)
-      type(score_test_t), intent(inout) :: tests(:)
+      logical, intent(in) :: offset
+      type(score_test_t), allocatable, intent(inout) :: tests(:)
+      type(record_error_t), allocatable :: errors(:)
+      type(score_test_t) :: one
       real(wp) :: d(size(fit%jacobian, 1))
-      integer :: first, k, last, tested
+      integer :: first, j, k, last
 
-      tested = 0
       last = 0
       do k = 1, size(experiments)
          first = last + 1
          last = last + size(experiments(k)%measured)
-         if (.not. is_in_time(k)) cycle
-         d = 0
-         ! The offset belongs to the record: residuals are model minus record.
-         d(first:last) = experiments(k)%scale*fit%weight(k)
-         tested = tested + 1
-         tests(tested)%name = 'offset'
-         tests(tested)%record = k
-         call test(fit, d, experiments(k)%offset, [-huge(d), huge(d)], sd=0.0_wp, &
-            one=tests(tested))
+         errors = errors_of(experiments(k), fit%residual(first:last), offset)
+         ! The penalty on a field distorts the motion as if its size were another one.
+         if (any(fit%strength > 0)) errors = pack(errors, errors%name == 'offset')
+         do j = 1, size(errors)
+            d = 0
+            d(first:last) = fit%weight(k)*errors(j)%slope
+            one = score_test_t(name=errors(j)%name, record=k)
+            call test(fit, d, errors(j)%value, [errors(j)%least, huge(d)], sd=0.0_wp, one=one)
+            tests = [tests, one]
+         end do
       end do
-   end subroutine test_offsets
+   end subroutine test_records
+
+   !> Returns what the user may do if the test matters.
+   function remedy(self) result(text)
+      class(score_test_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      select case (self%name)
+      case ('scale')
+         text = 'check the calibration, the size of the excitation and the positions'
+      case ('delay')
+         text = 'check the trigger and the clocks'
+      case default
+         text = 'add '''//trim(self%name)//''' to free'
+      end select
+   end function remedy
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
    !>
@@ -361,7 +381,7 @@ contains
 
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
          (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
-         (tests%parameter == 0 .or. tests%decrease > 2*fit%mesh_decrease)
+         (tests%name == 'offset' .or. tests%decrease > 2*fit%mesh_decrease)
       ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide

@@ -31,22 +31,32 @@ contains
          k = maxloc(tests%decrease, dim=1, mask=.not. told)
          told(k) = .true.
          associate (one => tests(k))
-            if (one%parameter == 0) then
+            if (one%name == 'offset') then
                line = 'the mean of the residuals is not 0'
                if (size(fit%weight) > 1) line = line//' in record '//to_text(one%record)
                call text%line(line//': add ''offset'' to free')
                cycle
             end if
-            line = trim(one%name)//', which the model leaves out, is significant: with '// &
-               trim(one%name)//' = '//rounded(one%value, 3)//' '// &
-               case%units%of_quantity(one%parameter, fit%scenario%excitations(1))// &
+            select case (one%name)
+            case ('scale')
+               line = 'the model contradicts the scale of record '//to_text(one%record)// &
+                  ': with scale = '//rounded(one%value, 3)
+            case ('delay')
+               line = 'the model contradicts the times of record '//to_text(one%record)// &
+                  ': with a delay of '//rounded(one%value, 3)//' '//trim(case%units%time)
+            case default
+               line = trim(one%name)//', which the model leaves out, is significant: with '// &
+                  trim(one%name)//' = '//rounded(one%value, 3)//' '// &
+                  case%units%of_quantity(one%parameter, fit%scenario%excitations(1))
+            end select
+            line = line// &
                trim(merge(' J                          ', ' the weighted sum of squares', &
                size(fit%weight) == 1))//' falls by '//rounded(100*one%decrease, 3)//' %'
             if (one%by > 0) line = line//', and '//trim(fit%quantities(one%by)%name)// &
                ' moves by '//rounded(one%moves, 2)// &
                ' times the half width of its interval'
             if (fit%shifted()) line = line//'; first try a finer mesh, elements=''auto'''
-            call text%line(line//'; add '''//trim(one%name)//''' to free')
+            call text%line(line//'; '//one%remedy())
          end associate
       end do
    end subroutine add_score_lines

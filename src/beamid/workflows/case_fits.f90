@@ -387,8 +387,7 @@ contains
          if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//' the weighted sum of squares falls by '// &
-            rounded(100*found%tests(k)%decrease, 3)//' %: add '''//trim(found%tests(k)%name)// &
-            ''' to free'
+            rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
          call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), found%experiments, &
             found%verdict, last, missing=trim(found%tests(k)%name))
       end associate

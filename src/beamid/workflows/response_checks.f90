@@ -166,8 +166,9 @@ contains
       integer, intent(in) :: r
       type(experiment_t), intent(in) :: experiment
       type(error_t), allocatable, intent(out) :: error
-      !> Factor between values of the case and of a beam that are meant to be the same.
-      real(wp), parameter :: usual = 3
+      !> Factor between values of the case and of a beam that are meant to be the same; geometric
+      !> mean of the ratios that a beam may have.
+      real(wp), parameter :: usual = 3, most = 0.1_wp
       real(wp), allocatable :: expected(:)
       real(wp) :: factor
 
@@ -179,6 +180,7 @@ contains
             expected = (s%c_D*omega/s%E + s%gamma/(s%rho*omega) + s%eta)/2
          end associate
          if (any(observed%damping <= 0)) return
+         if (sum(log(observed%damping)) < size(expected)*log(most)) return
          factor = exp(sum(log(observed%damping/expected))/size(expected))
          if (abs(log(factor/100)) < log(usual)) call refuse(case%path, case%recordings(r)%line, &
             'record file', 'damping ratios that are '//rounded(factor, 3)// &

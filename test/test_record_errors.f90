@@ -1,0 +1,132 @@
+!> Records whose scale or times are wrong, fitted by the program: the first lines name the error,
+!> and no wrong value counts as determined.
+program test_record_errors
+   use beamid_kinds, only: wp
+   use beamid_noise, only: gaussian_noise
+   use beamid_strings, only: to_text
+   use case_answers, only: answer_t, cell, identified, nl
+   use checks, only: check, check_close, finish, skip
+   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, write_file
+   use tables, only: field, number
+   implicit none
+
+   real(wp), parameter :: E = 7e10_wp, c_D = 2e6_wp, gamma = 0.05_wp
+   character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.003, '// &
+      'density=2700, E=7e10, c_D=2e6, gamma=0.05 /'//nl//'&sensor m_S=0.005, x_S=0.4 /'//nl// &
+      '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl
+   character(len=*), parameter :: pulse = '&excitation kind=''pulse'', amplitude=5, '// &
+      'duration=0.02, x_F=0.3 /'//nl
+   character(len=*), parameter :: free = '&excitation kind=''free'' /'//nl
+   character(len=*), parameter :: stage = '&stage free=''E'',''c_D'',''gamma'' /'//nl
+   character(len=:), allocatable :: reason
+
+   call open_shell(reason)
+   if (reason /= '') then
+      call skip('fits', reason)
+   else
+      call test_right()
+      call test_scale()
+      call test_delay()
+      call close_shell()
+   end if
+   call finish('record_errors')
+
+contains
+
+   !> Writes r.csv: the motion after a pulse, sampled 1,500 times in 3 s, with noise of 1 %.
+   !>
+   !> scale  factor of the record
+   !> delay  of its times [s]
+   !> seed   of the noise
+   subroutine write_motion(scale, delay, seed)
+      real(wp), intent(in) :: scale, delay
+      integer, intent(in) :: seed
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table, text
+      character(len=80) :: row
+      real(wp), allocatable :: a(:), noise(:), t(:)
+      integer :: k, m
+
+      call write_file('truth.nml', beam//pulse//'&record t_first=0.002, '// &
+         't_last=3, t_step=0.002 /'//nl)
+      outcome = beamid('simulate truth.nml --quiet --out truth')
+      call check('a record', outcome%status == 0, outcome%err)
+      table = read_file('truth/record.csv')
+      m = line_count(table) - 1
+      t = [(number(field(table, k, 1)), k=1, m)]
+      a = [(number(field(table, k, 2)), k=1, m)]
+      noise = gaussian_noise(m, 0.01_wp*norm2(a)/sqrt(real(m, wp)), seed)
+      text = 't,a'//nl
+      do k = 1, m
+         write (row, '(es23.16, a, es23.16)') t(k) + delay, ',', scale*a(k) + noise(k)
+         text = text//trim(row)//nl
+      end do
+      call write_file('r.csv', text)
+   end subroutine write_motion
+
+   !> Fits r.csv.
+   function fitted(excitation) result(answer)
+      character(len=*), intent(in) :: excitation
+      type(answer_t) :: answer
+
+      answer = identified(beam//excitation//'&record file=''r.csv'' /'//nl//stage)
+   end function fitted
+
+   !> Returns whether each parameter that counts as determined has its true value in its interval.
+   logical function is_honest(answer)
+      type(answer_t), intent(in) :: answer
+
+      is_honest = answer%status == 0 .and. &
+         (.not. answer%is_determined('E') .or. answer%holds('E', E)) .and. &
+         (.not. answer%is_determined('c_D') .or. answer%holds('c_D', c_D)) .and. &
+         (.not. answer%is_determined('gamma') .or. answer%holds('gamma', gamma))
+   end function is_honest
+
+   !> A right record is not accused: of five records, all tests together reject one with a
+   !> probability of 5 %.
+   subroutine test_right()
+      type(answer_t) :: answer
+      integer :: accused, k
+
+      accused = 0
+      do k = 1, 5
+         call write_motion(1.0_wp, 0.0_wp, 40 + k)
+         answer = fitted(pulse)
+         if (answer%test_matters('scale') .or. answer%test_matters('delay')) accused = accused + 1
+      end do
+      call check('right records', accused <= 1, to_text(accused))
+   end subroutine test_right
+
+   !> A record that is too small is multiplied by the inverse, up to the noise and the second order
+   !> of an error of 10 %. A motion of unknown size has no scale.
+   subroutine test_scale()
+      type(answer_t) :: answer
+
+      call write_motion(0.9_wp, 0.0_wp, 51)
+      answer = fitted(pulse)
+      call check('scale: named', index(answer%head, 'contradicts the scale') > 0, &
+         answer%head)
+      call check('scale: no wrong value', is_honest(answer), answer%estimates)
+      call check_close('scale: value', number(cell(answer%tests, 'parameter', 'scale', 'value')), &
+         1/0.9_wp, 0.02_wp)
+      answer = fitted(free)
+      call check('scale of a free motion: not tested', &
+         cell(answer%tests, 'parameter', 'scale', 'value') == '', answer%tests)
+   end subroutine test_scale
+
+   !> Times that are 2 ms late, one step. The slope by differences is too small, because the highest
+   !> visible mode turns far in a step; the sign and the order remain.
+   subroutine test_delay()
+      type(answer_t) :: answer
+      real(wp) :: delay
+
+      call write_motion(1.0_wp, 0.002_wp, 61)
+      answer = fitted(pulse)
+      call check('delay: named', index(answer%head, 'contradicts the times') > 0, &
+         answer%head)
+      call check('delay: no wrong value', is_honest(answer), answer%estimates)
+      delay = number(cell(answer%tests, 'parameter', 'delay', 'value'))
+      call check('delay: value', delay > 0.001_wp .and. delay < 0.004_wp, to_text(delay))
+   end subroutine test_delay
+
+end program test_record_errors
