@@ -329,6 +329,7 @@ contains
       real(wp), intent(in) :: pulls(:, :), shares(:, :)
       logical, intent(in) :: shared(:)
       type(statistics_t), intent(inout) :: statistics
+      !> For all parameters together.
       real(wp), parameter :: improbable = 0.05_wp
       real(wp) :: pull(size(pulls, 1)), variance(size(pulls, 1)), total
       integer :: groups, j
@@ -342,7 +343,7 @@ contains
          pull = pulls(:, j)
          where (variance > 0) pull = pull**2/variance
          if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &
-            >= improbable) cycle
+            >= improbable/count(shared)) cycle
          total = sqrt(groups/(groups - 1.0_wp)*sum(pull*variance, mask=variance > 0))
          if (total <= statistics%corrected_error(j)) cycle
          statistics%disputed(j) = .true.
