@@ -129,8 +129,8 @@ contains
       if (any(widened)) call text%line('not determined: the errors of fixed parameters, or a '// &
          'drift, make the interval wider than the value: '//listed(pack(names, widened), ', ')// &
          '. Linear theory may exaggerate it: free the fixed parameters, and run `beamid profile`')
-      ! A free decay has no force as a scale, so that E follows the mass.
-      if (.not. all(fit%scenario%excitations%modes > 0) .or. &
+      ! Free decays and natural frequencies have no force as a scale, so that E follows the mass.
+      if (.not. all(fit%scenario%excitations%modes > 0 .or. case%recordings%kind == 'modes') .or. &
          any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
       if (any(fit%free == of_E)) call text%line( &
          'not in these intervals: a clamp that yields, and mass that the model lacks. To find '// &
