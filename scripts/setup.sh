@@ -93,15 +93,15 @@ links() {
 # join_without_mpi ARCHIVE...: makes one library of static libraries of SUNDIALS and of what replaces
 # MPI, in the folder of the binding. Each of Debian's archives contains what it uses of the others.
 join_without_mpi() {
-   local joined=$binding/libsundials_no_mpi.a object
+   local made=$binding/libsundials_no_mpi.a object
    mkdir -p "$binding"
-   [[ ! $joined -nt $1 || ! $joined -nt $checkout/external/sundials-7/no_mpi.c ||
+   [[ ! $made -nt $1 || ! $made -nt $checkout/external/sundials-7/no_mpi.c ||
       $(cat "$binding/root" 2>/dev/null) != "$root" ]] || return 0
    object=$(mktemp --suffix=.o)
    "$compiler" -r -nostdlib -fPIC -o "$object" "$checkout/external/sundials-7/no_mpi.c" \
       -Wl,--whole-archive,--allow-multiple-definition "$@" &&
       objcopy --wildcard --localize-symbol='MPI_*' --localize-symbol='ompi_*' "$object" &&
-      rm -f "$joined" && ar rcs "$joined" "$object" || fail "cannot join $*"
+      rm -f "$made" && ar rcs "$made" "$object" || fail "cannot join $*"
    rm "$object"
 }
 

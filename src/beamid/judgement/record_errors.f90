@@ -6,52 +6,66 @@ module beamid_record_errors
    implicit none
    private
 
-   public :: record_error_t, errors_of
-
-   !> One error, with the derivatives of the residuals of its record.
-   type :: record_error_t
-      character(len=6) :: name = ''         !< 'offset', 'scale' or 'delay'
-      real(wp) :: value = 0                 !< value in the case; 0 for the delay
-      real(wp) :: least = -huge(1.0_wp)     !< least possible value
-      real(wp), allocatable :: slope(:)     !< (m) derivatives, model minus record [unit of a row]
-   end type record_error_t
+   public :: errors_of, differentiate_error
 
 contains
 
-   !> Returns the errors that a record may have. A motion of unknown size has no scale and no delay,
-   !> and a table of modes none at all.
+   !> Returns the names of the errors that a record may have. A motion of unknown size has no scale
+   !> and no delay, and a table of modes no error at all.
    !>
-   !> residual  (m) of a fit, model minus record [unit of a row]
-   !> offset    whether the offset is to be among them
-   function errors_of(experiment, residual, offset) result(list)
+   !> offset  whether the offset is to be among them
+   pure function errors_of(experiment, offset) result(names)
       type(experiment_t), intent(in) :: experiment
-      real(wp), intent(in) :: residual(:)
       logical, intent(in) :: offset
-      type(record_error_t), allocatable :: list(:)
+      character(len=6), allocatable :: names(:)
+      logical :: has_offset, is_known
+
+      has_offset = offset .and. .not. allocated(experiment%observed)
+      is_known = .not. experiment%excitation%modes > 0
+      if (allocated(experiment%observed)) is_known = experiment%observed%kind() == 'frf'
+      names = [character(len=6) :: 'offset', 'scale', 'delay']
+      names = pack(names, [has_offset, is_known, is_known])
+   end function errors_of
+
+   !> Computes the effect of an error on the residuals of a record, model minus record.
+   !>
+   !> name      of the error
+   !> residual  (m) of a fit [unit of a row]
+   !> value     value of the case; 0 for the delay
+   !> least     least possible value
+   !> slope     (m) derivatives of the residuals [unit of a row per unit of the error]
+   subroutine differentiate_error(experiment, name, residual, value, least, slope)
+      type(experiment_t), intent(in) :: experiment
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: residual(:)
+      real(wp), intent(out) :: value, least, slope(:)
       complex(wp), parameter :: i = (0.0_wp, 1.0_wp)
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
-      real(wp) :: slope(size(residual))
 
-      allocate (list(0))
-      if (.not. allocated(experiment%observed)) then
-         if (offset) list = [record_error_t('offset', experiment%offset, &
-            slope=spread(experiment%scale, 1, size(residual)))]
-         if (experiment%excitation%modes > 0) return
-         slope = -derivative(experiment%samples, experiment%measured + residual)
-      else
+      least = -huge(least)
+      select case (name)
+      case ('offset')
+         value = experiment%offset
+         slope = experiment%scale
+      case ('scale')
+         value = experiment%scale
+         least = 0
+         slope = -experiment%measured/experiment%scale
+      case default
+         value = 0
+         if (.not. allocated(experiment%observed)) then
+            slope = -derivative(experiment%samples, experiment%measured + residual)
+            return
+         end if
          select type (observed => experiment%observed)
          type is (frequency_response_t)
             associate (h => i*two_pi*observed%frequency*observed%lines_of(experiment%measured &
                + residual))
                slope = -[real(h)/observed%noise, aimag(h)/observed%noise]
             end associate
-         class default
-            return
          end select
-      end if
-      list = [list, record_error_t('scale', experiment%scale, 0.0_wp, -experiment%measured &
-         /experiment%scale), record_error_t('delay', slope=slope)]
-   end function errors_of
+      end select
+   end subroutine differentiate_error
 
    !> Returns the derivative of a curve by differences over two steps.
    !>

@@ -28,7 +28,7 @@ module beamid_score_tests
    use beamid_parameter_names, only: name_length, name_of_parameter
    use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: priors_of
-   use beamid_record_errors, only: errors_of, record_error_t
+   use beamid_record_errors, only: differentiate_error, errors_of
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
@@ -145,26 +145,31 @@ contains
       type(stage_fit_t), intent(in) :: fit
       logical, intent(in) :: offset
       type(score_test_t), allocatable, intent(inout) :: tests(:)
-      type(record_error_t), allocatable :: errors(:)
-      type(score_test_t) :: one
-      real(wp) :: d(size(fit%jacobian, 1))
-      integer :: first, j, k, last
+      type(score_test_t), allocatable :: more(:)
+      character(len=6), allocatable :: names(:)
+      real(wp) :: d(size(fit%jacobian, 1)), least, value
+      integer :: first, j, k, last, n
 
+      n = size(tests)
+      allocate (more(n + sum([(size(errors_of(experiments(k), offset)), k=1, size(experiments))])))
+      more(:n) = tests
       last = 0
       do k = 1, size(experiments)
          first = last + 1
          last = last + size(experiments(k)%measured)
-         errors = errors_of(experiments(k), fit%residual(first:last), offset)
-         ! The penalty on a field distorts the motion as if its size were another one.
-         if (any(fit%strength > 0)) errors = pack(errors, errors%name == 'offset')
-         do j = 1, size(errors)
+         names = errors_of(experiments(k), offset)
+         do j = 1, size(names)
             d = 0
-            d(first:last) = fit%weight(k)*errors(j)%slope
-            one = score_test_t(name=errors(j)%name, record=k)
-            call test(fit, d, errors(j)%value, [errors(j)%least, huge(d)], sd=0.0_wp, one=one)
-            tests = [tests, one]
+            call differentiate_error(experiments(k), names(j), fit%residual(first:last), value, &
+               least, d(first:last))
+            d = fit%weight(k)*d
+            n = n + 1
+            more(n)%name = names(j)
+            more(n)%record = k
+            call test(fit, d, value, [least, huge(d)], sd=0.0_wp, one=more(n))
          end do
       end do
+      call move_alloc(more, tests)
    end subroutine test_records
 
    !> Returns what the user may do if the test matters.
@@ -382,6 +387,9 @@ contains
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
          (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
          (tests%name == 'offset' .or. tests%decrease > 2*fit%mesh_decrease)
+      ! The penalty on a field distorts the motion as if its size were another one.
+      if (any(fit%strength > 0)) tests%matters = tests%matters .and. tests%name /= 'scale' .and. &
+         tests%name /= 'delay'
       ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide
