@@ -90,25 +90,28 @@ links() {
    return $status
 }
 
-# join_without_mpi ARCHIVE...: makes one library of static libraries of SUNDIALS and of what replaces
-# MPI, in the folder of the binding. Each of Debian's archives contains what it uses of the others.
+# join_without_mpi ARCHIVE...: makes one library, in the folder of the binding, of static libraries of
+# SUNDIALS and of external/sundials-7/no_mpi.c. Each of Debian's archives contains what it uses of the
+# others. A package that is upgraded keeps old dates, but changes the time of the status.
 join_without_mpi() {
-   local made=$binding/libsundials_no_mpi.a object
+   local made=$binding/libsundials_no_mpi.a source=$checkout/external/sundials-7/no_mpi.c object
+   local status=0
    mkdir -p "$binding"
-   [[ ! $made -nt $1 || ! $made -nt $checkout/external/sundials-7/no_mpi.c ||
+   [[ ! -f $made || -n $(find "$@" "$source" -cnewer "$made") ||
       $(cat "$binding/root" 2>/dev/null) != "$root" ]] || return 0
    object=$(mktemp --suffix=.o)
-   "$compiler" -r -nostdlib -fPIC -o "$object" "$checkout/external/sundials-7/no_mpi.c" \
+   cc -r -nostdlib -fPIC -o "$object" "$source" \
       -Wl,--whole-archive,--allow-multiple-definition "$@" &&
       objcopy --wildcard --localize-symbol='MPI_*' --localize-symbol='ompi_*' "$object" &&
-      rm -f "$made" && ar rcs "$made" "$object" || fail "cannot join $*"
+      rm -f "$made" && ar rcs "$made" "$object" || status=1
    rm "$object"
+   return $status
 }
 
-# Whether all that a build uses is there. Sets `libraries`, what the linker takes, and `joined`: the
-# library that replaces SUNDIALS' own if these load MPI (external/sundials-7/no_mpi.c).
+# Whether all that a build uses is there. Sets `libraries`, the options for the linker, and `joined`,
+# the name of the library without MPI that takes the place of SUNDIALS' own (no_mpi.c says why).
 libraries_work() {
-   local core theirs
+   local archives core theirs
    have "$compiler" || { reason="no compiler $compiler"; return 1; }
    find_sundials
    [[ -f $modules/fcvode_mod.mod ]] || {
@@ -122,9 +125,13 @@ libraries_work() {
    joined=
    core=$(grep -m 1 '/libsundials_core\.so$' <<<"$opened") || core=
    if [[ -f ${core%.so}.a ]] && readelf -d "$core" | grep -q 'NEEDED.*\[libmpi'; then
-      theirs=("${theirs[@]/#/${core%/*}/lib}")
-      join_without_mpi "${theirs[@]/%/.a}"
-      joined=sundials_no_mpi theirs=(sundials_no_mpi) search=-L$binding
+      archives=("${theirs[@]/#/${core%/*}/lib}")
+      if join_without_mpi "${archives[@]/%/.a}" &&
+         links "-L$binding" "${libraries[@]}" -lsundials_no_mpi; then
+         joined=sundials_no_mpi theirs=(sundials_no_mpi) search=-L$binding
+      else
+         say 'SUNDIALS cannot be separated from MPI, which delays each start of the program'
+      fi
    fi
    libraries+=("${theirs[@]/#/-l}")
 }

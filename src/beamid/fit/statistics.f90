@@ -320,9 +320,10 @@ contains
    !> estimate, e_r = sum of influence times residual over the group, sums to zero over all R
    !> groups, and R/(R - 1) sum e_r**2 estimates the variance whatever is wrong with the model in
    !> each group. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
-   !> under the variances that the (coloured) noise gives the e_r.
+   !> under the variances that the (coloured) noise gives the e_r. Groups that say almost nothing
+   !> about a parameter do not count.
    !>
-   !> pulls   (R, n) contributions of each record
+   !> pulls   (R, n) contributions of each group
    !> shares  (R, n) their variances for residuals of variance one
    !> shared  (n) whether several groups determine a parameter
    subroutine add_disagreement(pulls, shares, shared, statistics)
@@ -331,20 +332,23 @@ contains
       type(statistics_t), intent(inout) :: statistics
       !> For all parameters together.
       real(wp), parameter :: improbable = 0.05_wp
-      real(wp) :: pull(size(pulls, 1)), variance(size(pulls, 1)), total
+      !> Share of the variance of an estimate below which a group does not count.
+      real(wp), parameter :: negligible = 1e-4_wp
+      real(wp) :: square(size(pulls, 1)), variance(size(pulls, 1)), total
+      logical :: counts(size(pulls, 1))
       integer :: groups, j
 
-      groups = size(pulls, 1)
-      if (groups < 2) return
       do j = 1, statistics%parameters
          if (.not. (shared(j) .and. statistics%std_error(j) > 0)) cycle
+         counts = shares(:, j) > negligible*sum(shares(:, j))
+         groups = count(counts)
+         if (groups < 2) cycle
          variance = statistics%variance*shares(:, j) &
             *(statistics%corrected_error(j)/statistics%std_error(j))**2
-         pull = pulls(:, j)
-         where (variance > 0) pull = pull**2/variance
-         if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &
-            >= improbable/count(shared)) cycle
-         total = sqrt(groups/(groups - 1.0_wp)*sum(pull*variance, mask=variance > 0))
+         square = 0
+         where (counts) square = pulls(:, j)**2/variance
+         if (chi_square_tail(sum(square), real(groups - 1, wp)) >= improbable/count(shared)) cycle
+         total = sqrt(groups/(groups - 1.0_wp)*sum(pulls(:, j)**2, mask=counts))
          if (total <= statistics%corrected_error(j)) cycle
          statistics%disputed(j) = .true.
          statistics%corrected_error(j) = total

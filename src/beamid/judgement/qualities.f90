@@ -112,25 +112,24 @@ contains
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable, intent(out) :: text
-      !> By how many variances of the noise the sum of squares of white residuals may exceed that of
-      !> the record. The motion and the mean, which the record's own sum excludes, cost at most a
-      !> chi-squared variable of two degrees of freedom. This is its quantile of 1 - 5e-5.
+      !> How far the sum of squares of white residuals may exceed that of a record of noise, in
+      !> variances of the noise: the right motion and a constant, added to noise, change the sum by
+      !> at most a chi-squared variable of two degrees of freedom. Its quantile of 1 - 5e-5.
       real(wp), parameter :: chance = 20
+      real(wp) :: excess(size(qualities))
       integer :: r
 
       text = ''
       r = minloc(qualities%fit_percent, dim=1)
-      associate (quality => qualities(r))
-         if (.not. fit%check%white .and. quality%fit_percent < least_percent) then
-            text = 'the model explains '//to_text(nint(quality%fit_percent))//' % of record '// &
-               to_text(r)//', and the residuals are not noise'
-         else if (quality%rms_residual**2 > quality%rms_signal**2 &
-            *(1 + chance/quality%samples)) then
-            text = 'the residuals are larger than record '//to_text(r)
-         else
-            return
-         end if
-      end associate
+      excess = qualities%rms_residual**2 - qualities%rms_signal**2*(1 + chance/qualities%samples)
+      if (.not. fit%check%white .and. qualities(r)%fit_percent < least_percent) then
+         text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))//' % of record '// &
+            to_text(r)//', and the residuals are not noise'
+      else if (any(excess > 0)) then
+         text = 'the residuals are larger than record '//to_text(findloc(excess > 0, .true., dim=1))
+      else
+         return
+      end if
       text = text//': check the start values, the units, and the parameters that are free'
    end subroutine describe_misfit
 

@@ -31,7 +31,7 @@ contains
    !>
    !> name      of the error
    !> residual  (m) of a fit [unit of a row]
-   !> value     value of the case; 0 for the delay
+   !> value     value of the case; 1 for the scale, a factor of the record, 0 for the delay
    !> least     least possible value
    !> slope     (m) derivatives of the residuals [unit of a row per unit of the error]
    subroutine differentiate_error(experiment, name, residual, value, least, slope)
@@ -39,7 +39,6 @@ contains
       character(len=*), intent(in) :: name
       real(wp), intent(in) :: residual(:)
       real(wp), intent(out) :: value, least, slope(:)
-      complex(wp), parameter :: i = (0.0_wp, 1.0_wp)
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
       least = -huge(least)
@@ -48,9 +47,10 @@ contains
          value = experiment%offset
          slope = experiment%scale
       case ('scale')
-         value = experiment%scale
+         ! Not the record itself, whose noise is that of the residuals.
+         value = 1
          least = 0
-         slope = -experiment%measured/experiment%scale
+         slope = -(experiment%measured + residual)
       case default
          value = 0
          if (.not. allocated(experiment%observed)) then
@@ -59,8 +59,8 @@ contains
          end if
          select type (observed => experiment%observed)
          type is (frequency_response_t)
-            associate (h => i*two_pi*observed%frequency*observed%lines_of(experiment%measured &
-               + residual))
+            associate (h => cmplx(observed%rate, two_pi*observed%frequency, wp) &
+               *observed%lines_of(experiment%measured + residual))
                slope = -[real(h)/observed%noise, aimag(h)/observed%noise]
             end associate
          end select

@@ -14,7 +14,7 @@ module beamid_verdicts
    use beamid_responses, only: work_t
    use beamid_sightings, only: find_lines_left, find_missed_modes, modes_in_record, sighting_t
    use beamid_stage_fits, only: stage_fit_t
-   use beamid_strings, only: to_text
+   use beamid_strings, only: rounded, to_text
    use beamid_structure, only: is_coefficient, of_E, structure_t
    use beamid_trials, only: resting
    implicit none
@@ -168,8 +168,8 @@ contains
             value = given%get(p)
             if (.not. (value > 0 .and. q%value > 0)) cycle
             if (.not. abs(log(q%value/value)) > log(most)) cycle
-            text = trim(q%name)//' is far from the value of the case; correct that value if '// &
-               'the estimate is right'
+            text = trim(q%name)//' is '//rounded(q%value/value, 2)//' times the value of the '// &
+               'case; correct that value if the estimate is right'
             return
          end associate
       end do

@@ -40,10 +40,10 @@ contains
             select case (one%name)
             case ('scale')
                line = 'the model contradicts the scale of record '//to_text(one%record)// &
-                  ': with scale = '//rounded(one%value, 3)
+                  ': if it is multiplied by '//rounded(one%value, 3)//','
             case ('delay')
                line = 'the model contradicts the times of record '//to_text(one%record)// &
-                  ': with a delay of '//rounded(one%value, 3)//' '//trim(case%units%time)
+                  ': with a delay of '//trim(rounded(one%value, 3)//' '//case%units%time)//','
             case default
                line = trim(one%name)//', which the model leaves out, is significant: with '// &
                   trim(one%name)//' = '//rounded(one%value, 3)//' '// &

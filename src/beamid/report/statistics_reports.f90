@@ -70,6 +70,8 @@ contains
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
          to_text(fit%fit%derivative_check(2))//' at the end')
       line = 'the records disagree'
+      if (all(fit%quantities%record > 0 .or. .not. fit%statistics%disputed)) &
+         line = 'the resonances of a record disagree'
       if (size(fit%scenario%structures) == 1) line = 'the resonances of the record disagree'
       if (any(fit%statistics%disputed)) call text%line(line//' about '// &
          listed(pack(names, fit%statistics%disputed), ', ')//' by more than their residuals '// &

@@ -388,8 +388,11 @@ contains
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//' the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
-         call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), found%experiments, &
-            found%verdict, last, missing=trim(found%tests(k)%name))
+         ! Scale and delay cannot be free.
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%matters .and. &
+            found%tests%name /= 'scale' .and. found%tests%name /= 'delay')
+         if (k > 0) call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), &
+            found%experiments, found%verdict, last, missing=trim(found%tests(k)%name))
       end associate
    end subroutine add_score_tests
 
