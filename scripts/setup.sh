@@ -103,7 +103,8 @@ join_without_mpi() {
    cc -r -nostdlib -fPIC -o "$object" "$source" \
       -Wl,--whole-archive,--allow-multiple-definition "$@" &&
       objcopy --wildcard --localize-symbol='MPI_*' --localize-symbol='ompi_*' "$object" &&
-      rm -f "$made" && ar rcs "$made" "$object" || status=1
+      rm -f "$made" && ar rcs "$made" "$object" &&
+      (links "-L$binding" "${libraries[@]}" -lsundials_no_mpi) || { rm -f "$made" && status=1; }
    rm "$object"
    return $status
 }
@@ -126,8 +127,7 @@ libraries_work() {
    core=$(grep -m 1 '/libsundials_core\.so$' <<<"$opened") || core=
    if [[ -f ${core%.so}.a ]] && readelf -d "$core" | grep -q 'NEEDED.*\[libmpi'; then
       archives=("${theirs[@]/#/${core%/*}/lib}")
-      if join_without_mpi "${archives[@]/%/.a}" &&
-         links "-L$binding" "${libraries[@]}" -lsundials_no_mpi; then
+      if join_without_mpi "${archives[@]/%/.a}"; then
          joined=sundials_no_mpi theirs=(sundials_no_mpi) search=-L$binding
       else
          say 'SUNDIALS cannot be separated from MPI, which delays each start of the program'

@@ -10,7 +10,8 @@ program test_record_errors
    use tables, only: field, number
    implicit none
 
-   real(wp), parameter :: E = 7e10_wp, c_D = 2e6_wp, gamma = 0.05_wp
+   character(len=*), parameter :: names(*) = [character(len=5) :: 'E', 'c_D', 'gamma']
+   real(wp), parameter :: truth(*) = [7e10_wp, 2e6_wp, 0.05_wp]
    character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.003, '// &
       'density=2700, E=7e10, c_D=2e6, gamma=0.05 /'//nl//'&sensor m_S=0.005, x_S=0.4 /'//nl// &
       '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl
@@ -77,16 +78,6 @@ contains
       answer = identified(beam//excitation//'&record file=''r.csv'' /'//nl//stage)
    end function fitted
 
-   !> Returns whether each parameter that counts as determined has its true value in its interval.
-   logical function is_honest(answer)
-      type(answer_t), intent(in) :: answer
-
-      is_honest = answer%status == 0 .and. &
-         (.not. answer%is_determined('E') .or. answer%holds('E', E)) .and. &
-         (.not. answer%is_determined('c_D') .or. answer%holds('c_D', c_D)) .and. &
-         (.not. answer%is_determined('gamma') .or. answer%holds('gamma', gamma))
-   end function is_honest
-
    !> Right records are not accused, whatever their noise: of ten records, all tests together reject
    !> two with a probability of less than 1 %.
    subroutine test_right()
@@ -117,7 +108,7 @@ contains
       answer = fitted(pulse)
       call check('scale: named', index(answer%head, 'contradicts the scale') > 0, &
          answer%head)
-      call check('scale: no wrong value', is_honest(answer), answer%estimates)
+      call check('scale: no wrong value', answer%is_honest(names, truth), answer%estimates)
       call check_close('scale: value', number(cell(answer%tests, 'parameter', 'scale', 'value')), &
          1/0.9_wp, 0.02_wp)
       answer = fitted(free)
@@ -135,7 +126,7 @@ contains
       answer = fitted(pulse)
       call check('delay: named', index(answer%head, 'contradicts the times') > 0, &
          answer%head)
-      call check('delay: no wrong value', is_honest(answer), answer%estimates)
+      call check('delay: no wrong value', answer%is_honest(names, truth), answer%estimates)
       delay = number(cell(answer%tests, 'parameter', 'delay', 'value'))
       call check('delay: value', delay > 0.001_wp .and. delay < 0.004_wp, to_text(delay))
    end subroutine test_delay

@@ -33,7 +33,7 @@ module case_answers
       character(len=:), allocatable :: out, err   !< standard output and standard error
       character(len=:), allocatable :: estimates, modes, tests   !< tables; '': not written
    contains
-      procedure :: estimate, is_determined, holds, is_free, verdict_on_mode, test_matters
+      procedure :: estimate, is_determined, holds, is_honest, is_free, verdict_on_mode, test_matters
    end type answer_t
 
 contains
@@ -100,6 +100,23 @@ contains
       if (lower /= '') holds = holds .and. number(lower) <= value
       if (upper /= '') holds = holds .and. number(upper) >= value
    end function holds
+
+   !> Returns whether each of some parameters that counts as determined has its true value in its
+   !> total interval.
+   !>
+   !> parameters, values  (n) names and true values
+   logical function is_honest(self, parameters, values)
+      class(answer_t), intent(in) :: self
+      character(len=*), intent(in) :: parameters(:)
+      real(wp), intent(in) :: values(:)
+      integer :: k
+
+      is_honest = self%status == 0
+      do k = 1, size(values)
+         if (self%is_determined(trim(parameters(k)))) is_honest = is_honest .and. &
+            self%holds(trim(parameters(k)), values(k))
+      end do
+   end function is_honest
 
    !> Returns the verdict of modes_seen.csv on a mode; '' if there is no such row.
    !>

@@ -20,7 +20,7 @@ module beamid_verdicts
    implicit none
    private
 
-   public :: verdict_t, sighting_t, new_verdict, implausible
+   public :: verdict_t, sighting_t, new_verdict, implausible, ratio_to_case
 
    !> The verdict on a fit.
    type :: verdict_t
@@ -151,29 +151,38 @@ contains
       !> Factors that no choice of a material explains beside a value that was meant to be right,
       !> and no guess of a mass.
       real(wp), parameter :: most_modulus = 5, most_mass = 30
-      real(wp) :: most, value
+      real(wp) :: ratio
       integer :: k
 
       text = ''
       do k = 1, size(fit%free)
-         associate (q => fit%quantities(k), p => fit%free(k))
-            if (is_coefficient(p)) cycle
-            if (p == of_E) then
-               most = most_modulus
-            else if (all(parameters(p)%unit == [1, 0, 0])) then
-               most = most_mass
-            else
-               cycle
-            end if
-            value = given%get(p)
-            if (.not. (value > 0 .and. q%value > 0)) cycle
-            if (.not. abs(log(q%value/value)) > log(most)) cycle
-            text = trim(q%name)//' is '//rounded(q%value/value, 2)//' times the value of the '// &
-               'case; correct that value if the estimate is right'
-            return
-         end associate
+         ratio = ratio_to_case(given, fit, k)
+         if (.not. abs(log(ratio)) > log(merge(most_modulus, most_mass, fit%free(k) == of_E))) cycle
+         text = trim(fit%quantities(k)%name)//' is '//rounded(ratio, 2)//' times the value of '// &
+            'the case; correct that value if the estimate is right'
+         return
       end do
    end function implausible
+
+   !> Returns the ratio of an estimate of E or of a mass to the value of the case; 1 for other
+   !> parameters, and without such a value.
+   !>
+   !> given  structure with the values of the case
+   !> k      place of the parameter among the free ones
+   pure real(wp) function ratio_to_case(given, fit, k) result(ratio)
+      type(structure_t), intent(in) :: given
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      real(wp) :: value
+
+      ratio = 1
+      associate (q => fit%quantities(k), p => fit%free(k))
+         if (is_coefficient(p)) return
+         if (p /= of_E .and. .not. all(parameters(p)%unit == [1, 0, 0])) return
+         value = given%get(p)
+         if (value > 0 .and. q%value > 0) ratio = q%value/value
+      end associate
+   end function ratio_to_case
 
    !> Adds modes to a list, with their frequencies.
    !>

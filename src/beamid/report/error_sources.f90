@@ -13,6 +13,7 @@ module beamid_error_sources
    use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
+   use beamid_verdicts, only: ratio_to_case
    implicit none
    private
 
@@ -110,21 +111,15 @@ contains
       type(stage_fit_t), intent(in) :: fit
       !> Factors that ordinary uncertainty explains.
       real(wp), parameter :: usual_mass = 2.5_wp, usual_modulus = 1.4_wp
-      real(wp) :: factor, value
+      real(wp) :: ratio
       integer :: k
 
       do k = 1, size(fit%free)
-         associate (q => fit%quantities(k), p => fit%free(k))
-            if (is_coefficient(p)) cycle
-            if (p /= of_E .and. .not. all(parameters(p)%unit == [1, 0, 0])) cycle
-            value = given%get(p)
-            if (.not. (value > 0 .and. q%value > 0)) cycle
-            factor = q%value/value
-            if (abs(log(factor)) <= log(merge(usual_modulus, usual_mass, p == of_E))) cycle
-            call text%line(trim(q%name)//' is '//rounded(factor, 2)// &
-               ' times the value of the case, '//to_text(value)// &
-               ': check that value, the density and the dimensions of the beam')
-         end associate
+         ratio = ratio_to_case(given, fit, k)
+         if (abs(log(ratio)) <= log(merge(usual_modulus, usual_mass, fit%free(k) == of_E))) cycle
+         call text%line(trim(fit%quantities(k)%name)//' is '//rounded(ratio, 2)// &
+            ' times the value of the case, '//to_text(given%get(fit%free(k)))// &
+            ': check that value, the density and the dimensions of the beam')
       end do
    end subroutine add_far_values
 

@@ -182,6 +182,8 @@ contains
 
    !> Loads the records and describes the experiment that each of them comes from.
    !>
+   !> case         on return with more elements if the mesh is refined automatically, and a table of
+   !>              modes needs them
    !> experiments  (records)
    !> notes        one sentence for each change made to the records, such as clipped samples removed
    !> error        a record that cannot be read, records that contradict one another, or a stage
