@@ -92,7 +92,7 @@ links() {
 
 # join_without_mpi ARCHIVE...: makes one library, in the folder of the binding, of static libraries of
 # SUNDIALS and of external/sundials-7/no_mpi.c. Each of Debian's archives contains what it uses of the
-# others. A package that is upgraded keeps old dates, but changes the time of the status.
+# others. Files of an upgraded package keep their old time of modification, not that of change (ctime).
 join_without_mpi() {
    local made=$binding/libsundials_no_mpi.a source=$checkout/external/sundials-7/no_mpi.c object
    local status=0

@@ -213,8 +213,8 @@ contains
    !>
    !> Two oscillators may have the same pole: the rigid motions of a free beam in air. A mass on the
    !> beam couples them, but leaves a root at this pole, with D_j = D_i = 0 but for round-off. The
-   !> vector is the limit of that of a point next to it, so that 1/D_i is taken one rounding error
-   !> away; closer, the differences of large numbers would be lost.
+   !> vector of this root is that of a point next to it: 1/D_i is taken at s (1 + epsilon). A point
+   !> closer to the pole would lose the differences of large numbers that the vector needs.
    !>
    !> D, dD    (n) D and D'
    !> inverse  (n) 1/D, with 0 in the place of 1/D_j

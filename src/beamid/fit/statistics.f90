@@ -319,9 +319,9 @@ contains
    !> Corrects standard errors for disagreement between groups. The contribution of group r to the
    !> estimate, e_r = sum of influence times residual over the group, sums to zero over all R
    !> groups, and R/(R - 1) sum e_r**2 estimates the variance whatever is wrong with the model in
-   !> each group. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
-   !> under the variances that the (coloured) noise gives the e_r. Groups that say almost nothing
-   !> about a parameter do not count.
+   !> each group. This estimate, with R - 1 degrees of freedom, is used if it is the larger one, and
+   !> if the sum of e_r**2/var(e_r), with the variances that the (coloured) noise gives the e_r, is
+   !> improbable. Groups that say almost nothing about a parameter do not count.
    !>
    !> pulls   (R, n) contributions of each group
    !> shares  (R, n) their variances for residuals of variance one

@@ -106,8 +106,8 @@ contains
    end function quality_of_lines
 
    !> Describes the record that the fit explains least, if that is too little; '' otherwise. Too
-   !> little is less than `least_percent` if the residuals are not white. White residuals may leave
-   !> all of a record unexplained, which may be noise, but they may not exceed it.
+   !> little is less than `least_percent` if the residuals are not white. If they are, the record
+   !> may be nothing but noise: 0 % is enough, but the residuals may not be larger than the record.
    subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit

@@ -47,7 +47,7 @@ contains
          value = experiment%offset
          slope = experiment%scale
       case ('scale')
-         ! Not the record itself, whose noise is that of the residuals.
+         ! The model's curve: the noise of the record itself is that of the residuals, too.
          value = 1
          least = 0
          slope = -(experiment%measured + residual)

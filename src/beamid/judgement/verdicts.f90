@@ -148,8 +148,8 @@ contains
       type(structure_t), intent(in) :: given
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: text
-      !> Factors that no choice of a material explains beside a value that was meant to be right,
-      !> and no guess of a mass.
+      !> Largest factors between estimate and case: a wrong choice of the material explains less for
+      !> E, and a poor guess less for a mass.
       real(wp), parameter :: most_modulus = 5, most_mass = 30
       real(wp) :: ratio
       integer :: k

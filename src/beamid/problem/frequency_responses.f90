@@ -126,7 +126,7 @@ contains
    end function sequence
 
    !> Returns the groups of the rows: the lines around each resonance of the fitted response,
-   !> between its smallest magnitudes.
+   !> between the minima of its magnitude on either side.
    pure function resonances(self, residual) result(group)
       class(frequency_response_t), intent(in) :: self
       real(wp), intent(in) :: residual(:)
