@@ -58,8 +58,8 @@ module beamid_score_tests
       real(wp) :: moves = 0
       integer :: by = 0
       real(wp) :: decrease = 0             !< relative decrease of the weighted sum of squares
-      !> Whether the test is significant and, in addition, the candidate shifts an estimate by more
-      !> than half of its half width or reduces the sum of squares by more than a tenth.
+      !> Whether the test is significant (see `decide`) and, in addition, the candidate shifts an
+      !> estimate by more than half of its half width or reduces the sum of squares by over a tenth.
       logical :: matters = .false.
    contains
       procedure :: remedy
@@ -317,24 +317,19 @@ contains
       if (size(fits(1)%free) /= n + 1) return
       before = 0
       after = 0
-      first = 1
-      do r = 1, size(experiments)
-         last = first + size(experiments(r)%measured) - 1
-         before = before + (fit%weight(r)*norm2(fit%residual(first:last)))**2
-         after = after + (fit%weight(r)*norm2(fits(1)%residual(first:last)))**2
-         first = last + 1
-      end do
-      ! A search that ends with a larger sum has not found the minimum with one more parameter.
-      if (.not. after < before) return
       ratio = 0
       first = 1
       do r = 1, size(experiments)
          last = first + size(experiments(r)%measured) - 1
          associate (old => fit%residual(first:last), new => fits(1)%residual(first:last))
+            before = before + (fit%weight(r)*norm2(old))**2
+            after = after + (fit%weight(r)*norm2(new))**2
             ratio = ratio + effective_samples(new)*log(sum(old**2)/sum(new**2))
          end associate
          first = last + 1
       end do
+      ! A search that ends with a larger sum has not found the minimum with one more parameter.
+      if (.not. after < before) return
       one%value = fits(1)%fit%estimate(n + 1)
       change = abs(one%value - fit%scenario%structures(1)%get(parameter))
       one%shift(:n) = fits(1)%fit%estimate(:n) - fit%fit%estimate
@@ -377,21 +372,29 @@ contains
       end do
    end subroutine find_largest_shift
 
-   !> Decides which tests matter: they are significant, by Bonferroni's correction for their number,
-   !> and a finer mesh does not reduce J by half as much or more. The residuals that such a
-   !> candidate explains are errors of the mesh, which the intervals include.
+   !> Decides which tests matter: they are significant, and a finer mesh does not reduce J by half
+   !> as much or more. The residuals that such a candidate explains are errors of the mesh, which
+   !> the intervals include.
+   !>
+   !> Bonferroni's correction for their number holds until one of them has rejected the model. The
+   !> true cause may then be any candidate, or none: each that is significant by itself matters.
    subroutine decide(fit, tests)
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), intent(inout) :: tests(:)
+      !> Significance level of each test after another one has rejected the model.
+      real(wp), parameter :: chance_alone = 0.05_wp
+      logical :: counts(size(tests))
 
-      tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
-         (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
+      counts = (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
          (tests%name == 'offset' .or. tests%decrease > 2*fit%mesh_decrease)
       ! The penalty on a field distorts the motion as if its size were another one.
-      if (any(fit%strength > 0)) tests%matters = tests%matters .and. tests%name /= 'scale' .and. &
+      if (any(fit%strength > 0)) counts = counts .and. tests%name /= 'scale' .and. &
          tests%name /= 'delay'
       ! A clamp whose stiffness vanishes is not a clamp.
-      where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
+      where (tests%parameter == of_kappa_R) counts = counts .and. tests%value > 0
+      tests%matters = counts .and. tests%p_value < chance/max(1, size(tests))
+      if (any(tests%matters .and. tests%name /= 'offset')) tests%matters = tests%matters .or. &
+         counts .and. tests%p_value < chance_alone .and. tests%name /= 'offset'
    end subroutine decide
 
 end module beamid_score_tests

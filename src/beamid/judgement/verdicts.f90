@@ -48,8 +48,11 @@ module beamid_verdicts
    !> Share of the variance of a record above which a spectral line that the model cannot explain
    !> rejects the fit.
    real(wp), parameter :: most_unexplained = 0.05_wp
-   !> Largest ratio of residuals to noise with which parameters may count as determined.
-   real(wp), parameter :: gross = 10
+   !> Largest ratio of residuals to noise with which parameters may count as determined, and largest
+   !> ratio if the excitation is known and the residuals exceed the noise around a mode. A known
+   !> excitation predicts the size of each mode as well, so that no free amplitude takes up what the
+   !> model lacks: it shifts the estimates by amounts that the residuals do not show.
+   real(wp), parameter :: gross = 10, gross_if_driven = 2
 
    !> Number of modes to judge if fewer were fitted, and number of modes whose frequencies are
    !> compared with the lines that a fit leaves.
@@ -72,7 +75,7 @@ contains
       complex(wp), allocatable :: s(:, :), ds(:, :, :), higher(:, :)
       type(sighting_t), allocatable :: modes(:), lines(:)
       logical, allocatable :: departing(:), missed(:)
-      real(wp), allocatable :: rest(:)
+      real(wp), allocatable :: misfits(:), rest(:)
       integer :: first, fitted, k, r
 
       call roots_of_fit(mesh, fit, s, ds, higher, error)
@@ -99,11 +102,14 @@ contains
       verdict%caution = ''
       if (fit%note /= '') verdict%caution = &
          'the program keeps a parameter fixed that was to be estimated'
-      verdict%misfit = maxval(verdict%qualities%rms_rest/max(verdict%qualities%floor, &
-         tiny(1.0_wp)), mask=verdict%qualities%rms_rest > 0 .and. &
-         .not. verdict%qualities%is_exact)
-      if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
-         to_text(nint(verdict%misfit))//' times the noise of the record'
+      associate (q => verdict%qualities, is_driven => experiments%excitation%modes == 0)
+         misfits = merge(q%rms_rest/max(q%floor, tiny(1.0_wp)), 0.0_wp, &
+            q%rms_rest > 0 .and. .not. q%is_exact)
+         verdict%misfit = maxval(misfits)
+         if (any(misfits > merge(gross_if_driven, gross, q%kind == 'time' .and. is_driven .and. &
+            verdict%departures /= ''))) verdict%caution = &
+            'the residuals are '//rounded(verdict%misfit, 2)//' times the noise of the record'
+      end associate
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)
