@@ -7,7 +7,7 @@ module beamid_benchmarks
    use beamid
    use beamid_errors, only: bad_input, locate
    use beamid_files, only: read_text
-   use beamid_kinds, only: ip
+   use beamid_kinds, only: ip, pi
    use beamid_lines, only: add_lines, csv_row, split
    use beamid_modes, only: natural_frequencies
    use beamid_numbers, only: parse_number
@@ -131,7 +131,6 @@ contains
       real(wp), intent(in) :: omega(:)
       type(row_t), intent(inout) :: row
       type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: pi = acos(-1.0_wp)
       integer :: blank, mode
 
       blank = index(trim(row%quantity)//' ', ' ')

@@ -7,7 +7,7 @@
 module beamid_continuation
    use beamid_assembly, only: assembly_t, changes, root_t
    use beamid_errors, only: error_t, failure
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_matrices, only: size_of
    use beamid_strings, only: to_text
    use beamid_systems, only: find_eigenvector, improve_root
@@ -149,7 +149,7 @@ contains
       type(vector_t), intent(inout) :: vector
       type(error_t), allocatable, intent(out) :: error
       !> Shortest step, and greatest difference from a prediction as a share of the change.
-      real(wp), parameter :: shortest = 1e-3_wp, greatest = 0.2_wp, two_pi = 2*acos(-1.0_wp)
+      real(wp), parameter :: shortest = 1e-3_wp, greatest = 0.2_wp
       type(assembly_t) :: partial
       type(root_t) :: next
       complex(wp) :: change

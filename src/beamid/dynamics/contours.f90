@@ -11,7 +11,7 @@
 module beamid_contours
    use beamid_assembly, only: assembly_t, root_t
    use beamid_clusters, only: cluster_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_transfer, only: transfer_t, transfer_at
    implicit none
    private
@@ -31,7 +31,6 @@ contains
       integer, intent(in) :: k
       complex(wp), intent(out) :: z
       type(root_t), intent(out) :: point
-      real(wp), parameter :: pi = acos(-1.0_wp)
       real(wp) :: angle
 
       angle = merge(1, 2, self%on_axis)*pi*(k - 0.5_wp)/self%points

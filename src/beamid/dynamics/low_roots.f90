@@ -16,7 +16,7 @@ module beamid_low_roots
    use beamid_characteristic, only: logarithmic_derivative
    use beamid_continuation, only: coincides, follow
    use beamid_errors, only: error_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_starting_roots, only: nudge, starting_points
    use beamid_terms, only: of_stiffness
    use beamid_vectors, only: allocate_vectors, nearest_pole, solve_mass, vector_t
@@ -214,7 +214,6 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: known(:)
       real(wp), intent(in) :: radius
-      real(wp), parameter :: pi = acos(-1.0_wp)
       type(root_t) :: point
       complex(wp) :: slope
       integer :: i, k, points

@@ -2,7 +2,7 @@
 !> MRG32k3a (Operations Research 47, 1999, 159), whose integers are exact in double precision, and
 !> Gaussian numbers by the Box-Muller transform.
 module beamid_noise
-   use beamid_kinds, only: ip, wp
+   use beamid_kinds, only: ip, two_pi, wp
    implicit none
    private
 
@@ -23,7 +23,6 @@ contains
       real(wp), intent(in) :: sd
       real(wp) :: noise(n)
       real(wp) :: state(6), u(2)
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: k
 
       state = seeded(seed)

@@ -7,7 +7,7 @@ module beamid_inference
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_lapack, only: dpotrf
    use beamid_least_squares, only: monitor_t
    use beamid_matrices, only: add_diagonal
@@ -277,7 +277,6 @@ contains
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), limit
       integer, intent(in) :: k
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       type(posterior_t), allocatable :: mine
       real(wp) :: q(size(estimate)), volume_here, volume_there
       type(error_t), allocatable :: error

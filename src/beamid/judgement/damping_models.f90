@@ -9,7 +9,7 @@ module beamid_damping_models
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_identification, only: stage_t
    use beamid_interrupts, only: check_interrupt, stop_flag
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: monitor_t
    use beamid_measured_modes, only: measure_modes, measured_mode_t
    use beamid_mechanisms, only: combination_t, combinations_for, is_of_damping, mechanism_t, &
@@ -24,8 +24,6 @@ module beamid_damping_models
    private
 
    public :: damping_models_t, fit_damping_models
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> The fits of all combinations of mechanisms.
    type :: damping_models_t

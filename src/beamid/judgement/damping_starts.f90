@@ -7,7 +7,7 @@ module beamid_damping_starts
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: coarsest, mesh_t
    use beamid_identification, only: model_t, stage_fit_t, stage_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: options_t
    use beamid_measured_modes, only: measured_mode_t
    use beamid_mechanisms, only: combination_t, mechanism_t, mechanisms
@@ -20,8 +20,6 @@ module beamid_damping_starts
    private
 
    public :: check_data, find_starts, frequency_range, tables_of
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

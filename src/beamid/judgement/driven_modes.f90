@@ -3,7 +3,7 @@ module beamid_driven_modes
    use beamid_condensation, only: condense_matrix, condensed_t
    use beamid_excitation, only: excitation_t
    use beamid_gauss_newton, only: least_squares_step
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_poles, only: poles_t
    use beamid_spectra, only: noise_near
    use beamid_synthesis, only: synthesize
@@ -33,7 +33,6 @@ contains
       complex(wp), intent(in) :: s(:)
       real(wp), intent(out) :: share(:), gain(:)
       real(wp), parameter :: independent = 1e-10_wp   ! smallest reciprocal condition number
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       real(wp) :: a(size(t), 2*size(s) + 2), motion(size(t), 0:0, 2), variance, J, J_without
       real(wp), dimension(size(a, 2)) :: step, other_step
       logical, dimension(size(a, 2)) :: is_used, others

@@ -6,7 +6,7 @@ module beamid_fitted_modes
    use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modal, only: modal_t
    use beamid_parameters, only: amplitude
    use beamid_responses, only: work_t
@@ -82,7 +82,7 @@ contains
    subroutine add_error(self, exact)
       class(fitted_mode_t), intent(inout) :: self
       complex(wp), intent(in) :: exact
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp), more = 1.1_wp
+      real(wp), parameter :: more = 1.1_wp
 
       if (self%frequency_half_width < unlimited) self%frequency_half_width = &
          self%frequency_half_width + more*abs(abs(exact)/two_pi - self%frequency)
@@ -160,7 +160,6 @@ contains
       real(wp), dimension(size(ds)) :: modulus_derivative, damping_derivative
       logical :: acts(size(ds))   ! whether the parameter acts on this record's structure
       real(wp) :: scale, t
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: n
 
       n = size(ds)

@@ -13,7 +13,7 @@ module beamid_measured_modes
    use beamid_galerkin, only: mesh_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_identification, only: model_t, stage_fit_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modal_tables, only: modal_table_t
    use beamid_parameters, only: offset
    use beamid_residuals, only: new_residuals, residual_t
@@ -23,8 +23,6 @@ module beamid_measured_modes
    private
 
    public :: measure_modes
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> A measured mode.
    type, public :: measured_mode_t

@@ -2,7 +2,7 @@
 module beamid_record_errors
    use beamid_experiments, only: experiment_t
    use beamid_frequency_responses, only: frequency_response_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    implicit none
    private
 
@@ -39,7 +39,6 @@ contains
       character(len=*), intent(in) :: name
       real(wp), intent(in) :: residual(:)
       real(wp), intent(out) :: value, least, slope(:)
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
       least = -huge(least)
       select case (name)

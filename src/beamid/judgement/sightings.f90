@@ -6,7 +6,7 @@ module beamid_sightings
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_spectra, only: line_t, near_mains, noise_near, order_of_multiple
    use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
@@ -31,7 +31,6 @@ module beamid_sightings
 
    !> Largest number of spectral lines per record.
    integer, parameter :: most_lines = 12
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -6,7 +6,7 @@ module beamid_verdicts
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_parameters, only: parameters
@@ -165,7 +165,7 @@ contains
          ratio = ratio_to_case(given, fit, k)
          if (.not. abs(log(ratio)) > log(merge(most_modulus, most_mass, fit%free(k) == of_E))) cycle
          text = trim(fit%quantities(k)%name)//' is '//rounded(ratio, 2)//' times the value of '// &
-            'the case; correct that value if the estimate is right'
+            'the case; if the estimate is right, correct the case'
          return
       end do
    end function implausible
@@ -201,7 +201,6 @@ contains
       complex(wp), intent(in) :: s(:)
       integer, intent(in) :: record
       character(len=:), allocatable, intent(inout) :: departures
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: k
 
       do k = 1, size(departing)

@@ -9,7 +9,7 @@ module beamid_frequency_responses
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: exact_solver_t, work_t
@@ -198,7 +198,6 @@ contains
       complex(wp), intent(out) :: h(:, 0:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       type(equations_t), target :: equations
       complex(wp) :: s(size(frequency))
       integer :: k

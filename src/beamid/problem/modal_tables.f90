@@ -6,7 +6,7 @@
 module beamid_modal_tables
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_observed_data, only: observed_data_t, seen_modes_t, trial_t
    use beamid_responses, only: exact_solver_t, work_t
@@ -15,8 +15,6 @@ module beamid_modal_tables
    private
 
    public :: assign_modes, modal_table_t
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> Measured modes. The values are the frequencies, then the damping ratios if there are any, each
    !> divided by its standard deviation.

@@ -2,7 +2,7 @@
 !> The search for start values assigns them to modes.
 module beamid_spectra
    use beamid_fourier, only: phasor_sums
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_sorting, only: median
    implicit none
    private
@@ -20,8 +20,6 @@ module beamid_spectra
       !> whether it does not decay and is a multiple of 50 or 60 (mains hum, in Hz)
       logical :: mains = .false.
    end type line_t
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> Rates of decay that are tried, times the length of the record.
    real(wp), parameter :: decays(4) = [0.0_wp, 3.0_wp, 12.0_wp, 40.0_wp]

@@ -12,14 +12,13 @@
 !> beside it that it would spoil. With uneven time stamps, tones with fewer than 4 or 5 stamps per
 !> period are stopped less well.
 module beamid_thinning
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_sorting, only: median
    implicit none
    private
 
    public :: thinned_t, thin_out, gap_limit, margin_of
 
-   real(wp), parameter :: pi = acos(-1.0_wp)
    !> A time step of more than this many median steps is a gap.
    real(wp), parameter :: gap_factor = 20
    !> Half the length of the filter in samples, over k; parameter of the Kaiser window for 90 dB;

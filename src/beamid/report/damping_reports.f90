@@ -5,7 +5,7 @@ module beamid_damping_reports
    use beamid_damping_models, only: damping_models_t
    use beamid_distributions, only: normal_quantile
    use beamid_fitted_modes, only: fitted_mode_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_lines, only: filled
    use beamid_mechanisms, only: mechanism_t, mechanisms, spatial_hysteresis, &
       time_hysteresis
@@ -25,8 +25,6 @@ module beamid_damping_reports
 
    !> Width of the column with the names of the models, and of the other columns.
    integer, parameter :: of_names = 26, of_numbers = 10
-
-   real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
 

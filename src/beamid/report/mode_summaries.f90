@@ -2,7 +2,7 @@
 module beamid_mode_summaries
    use beamid_case_files, only: case_t
    use beamid_fitted_modes, only: fitted_mode_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_lines, only: columns
    use beamid_multistart, only: minimum_t
    use beamid_statistics, only: unlimited
@@ -41,7 +41,6 @@ contains
       complex(wp), intent(in) :: roots(:)
       integer, parameter :: shown = 10
       character(len=:), allocatable :: line
-      real(wp), parameter :: pi = acos(-1.0_wp)
       real(wp) :: ratio
       integer :: k
 

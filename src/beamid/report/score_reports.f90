@@ -46,8 +46,8 @@ contains
                   ': with a delay of '//trim(rounded(one%value, 3)//' '//case%units%time)//','
             case default
                line = trim(one%name)//', which the model leaves out, is significant: with '// &
-                  trim(one%name)//' = '//rounded(one%value, 3)//' '// &
-                  case%units%of_quantity(one%parameter, fit%scenario%excitations(1))
+                  trim(one%name)//' = '//trim(rounded(one%value, 3)//' '// &
+                  case%units%of_quantity(one%parameter, fit%scenario%excitations(1)))//','
             end select
             line = line// &
                trim(merge(' J                          ', ' the weighted sum of squares', &

@@ -2,7 +2,7 @@
 !> line.
 module beamid_assignments
    use beamid_errors, only: error_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_projection, only: new_projection, projection_t
    use beamid_residuals, only: residual_t
@@ -35,8 +35,6 @@ module beamid_assignments
    !> Number of assignments that are kept while records are added, and largest number of modes that
    !> are assigned.
    integer, parameter :: kept = 6, most_modes = 4
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -4,7 +4,7 @@
 !> each one, all lines are refined together.
 module beamid_decaying_lines
    use beamid_errors, only: error_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_projection, only: new_projection, projection_t
    use beamid_spectra, only: condense, line_t, near_mains, order_of_multiple, strongest_line, &
       too_near
@@ -12,8 +12,6 @@ module beamid_decaying_lines
    private
 
    public :: find_lines, refine_lines
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -10,7 +10,7 @@ module beamid_equal_frequencies
    use beamid_assignments, only: assignment_t, fit_frequencies, lines_t
    use beamid_errors, only: error_t
    use beamid_fit_setups, only: set_free
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_lapack, only: dgesvd
    use beamid_model_roots, only: belief_t, damps
    use beamid_residuals, only: residual_t
@@ -27,8 +27,6 @@ module beamid_equal_frequencies
    !> Smallest and largest step of the varied parameter [standard deviations], and the ratio of
    !> neighbouring steps. Twins that are closer than the first step are within one interval.
    real(wp), parameter :: first_step = 0.002_wp, largest_step = 0.05_wp, growth = 1.2_wp
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

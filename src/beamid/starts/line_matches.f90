@@ -8,7 +8,7 @@ module beamid_line_matches
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t, failure
    use beamid_field_penalties, only: fields, penalty_count, penalty_order
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
    use beamid_parameters, only: free_names
@@ -26,7 +26,6 @@ module beamid_line_matches
    !> Number of places along the beam at which the search for a dip starts.
    integer, parameter, public :: dip_places = 11
 
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
    !> Largest number of modes that are matched.
    integer, parameter :: most_modes = 8
 

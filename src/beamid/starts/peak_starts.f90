@@ -7,7 +7,7 @@
 module beamid_peak_starts
    use beamid_errors, only: error_t
    use beamid_frequency_responses, only: frequency_response_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_modal_tables, only: assign_modes, modal_table_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
@@ -21,8 +21,6 @@ module beamid_peak_starts
    private
 
    public :: fit_to_modes, start_from_peaks
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -9,7 +9,7 @@ module beamid_starts
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_fit_setups, only: set_free
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: options_t
    use beamid_model_roots, only: damps, model_roots
    use beamid_residuals, only: residual_t
@@ -34,8 +34,6 @@ module beamid_starts
       !> one line for each start whose fit is rejected, with the reason
       character(len=:), allocatable :: rejections
    end type findings_t
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> Number of modes that are matched if the initial state of the motion is known, and largest
    !> number of spectral lines of a record.

@@ -1,7 +1,7 @@
 !> Trial fits from given start values, and the objections to their results.
 module beamid_trials
    use beamid_errors, only: error_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_residuals, only: residual_t
@@ -31,8 +31,6 @@ module beamid_trials
    !> of a mode is the decrease of J that it causes, divided by the variance of the noise around its
    !> frequency. The median of the power of a line of noise is ln 2 times half of that variance.
    real(wp), parameter, public :: least_gain = 2*log(2.0_wp)*standing_out
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -4,13 +4,11 @@
 !> Source: L. Greengard and J.-Y. Lee, "Accelerating the nonuniform fast Fourier transform", SIAM
 !> Review 46 (2004), 443-454, equations (10) to (13).
 module beamid_fourier
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    implicit none
    private
 
    public :: phasor_sums, fast_fourier_transform
-
-   real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
 

@@ -1,6 +1,6 @@
 !> Gauss-Legendre quadrature on the unit interval.
 module beamid_quadrature
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    implicit none
    private
 
@@ -11,8 +11,6 @@ module beamid_quadrature
       real(wp), allocatable :: points(:)
       real(wp), allocatable :: weights(:)
    end type rule_t
-
-   real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
 

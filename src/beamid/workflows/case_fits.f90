@@ -386,7 +386,7 @@ contains
          if (k == 0) return
          if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
-            ' = '//rounded(found%tests(k)%value, 3)//' the weighted sum of squares falls by '// &
+            ' = '//rounded(found%tests(k)%value, 3)//', the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
          ! Scale and delay cannot be free.
          k = maxloc(found%tests%decrease, dim=1, mask=found%tests%matters .and. &

@@ -9,7 +9,7 @@ module beamid_ensemble_rows
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_parameters, only: as_named, get_free, offset
    use beamid_profile_likelihood, only: is_lost
    use beamid_resampling, only: percentile_interval
@@ -143,7 +143,6 @@ contains
       type(equations_t) :: equations
       complex(wp), allocatable :: roots(:)
       integer :: j, k
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
       associate (structure => scenario%structures(1))
          do k = 1, size(case%meshes)

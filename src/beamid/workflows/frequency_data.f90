@@ -7,7 +7,7 @@ module beamid_frequency_data
    use beamid_frequency_responses, only: frequency_response_t, variance_from_coherence
    use beamid_frequency_tables, only: frequency_table_t, modal_rows_t, read_frequency_table, &
       read_modal_rows
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modal_tables, only: assign_modes, modal_table_t
    use beamid_modes, only: natural_frequencies
    use beamid_records, only: add_note, frequency_keys_t, note_length, recording_t
@@ -17,8 +17,6 @@ module beamid_frequency_data
    private
 
    public :: line_frequencies, load_frequency_data, plan_lines
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 

@@ -8,7 +8,7 @@ module beamid_input_checks
    use beamid_errors, only: bad_input, error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modes, only: natural_frequencies
    use beamid_onsets, only: onset
    use beamid_records, only: add_note, note_length
@@ -21,8 +21,6 @@ module beamid_input_checks
 
    public :: check_input, check_units, describe_causes, describe_scale, find_frequencies, &
       leave_out_lead_in
-
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    !> Ratio of frequencies that ordinary errors of E and masses explain.
    real(wp), parameter :: usual = 1.3_wp

@@ -7,7 +7,7 @@ module beamid_response_checks
    use beamid_fit_setups, only: set_free
    use beamid_frequency_responses, only: frequency_response_t, quantities
    use beamid_input_checks, only: check_units, find_frequencies
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: options_t
    use beamid_linear_unknowns, only: linear_t
    use beamid_modal_tables, only: assign_modes, modal_table_t
@@ -32,7 +32,7 @@ module beamid_response_checks
       character(len=72) :: cause = ''
    end type hypothesis_t
 
-   real(wp), parameter :: g = 9.80665_wp, two_pi = 2*acos(-1.0_wp)
+   real(wp), parameter :: g = 9.80665_wp
    type(hypothesis_t), parameter :: hypotheses(*) = [ &
       hypothesis_t(1/g, 'the accelerations look like multiples of g'), &
       hypothesis_t(g, 'the force looks like one in kgf'), &

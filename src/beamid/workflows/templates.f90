@@ -4,7 +4,7 @@ module beamid_templates
    use beamid_cases, only: case_t, needs_nothing, parse_case, sample_times
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: new_base_motion, new_force_table
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, two_pi, wp
    use beamid_noise, only: gaussian_noise
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: full
@@ -297,7 +297,7 @@ contains
    !> of a sine.
    elemental real(wp) function base_pulse(t)
       real(wp), intent(in) :: t
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp), length = 0.02_wp
+      real(wp), parameter :: length = 0.02_wp
 
       base_pulse = 0
       if (t < length) base_pulse = 30*sin(two_pi*t/length)
@@ -308,7 +308,7 @@ contains
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
       integer, parameter :: pieces = 40
-      real(wp), parameter :: pi = acos(-1.0_wp), contact = 4e-4_wp, force = 30
+      real(wp), parameter :: contact = 4e-4_wp, force = 30
       integer :: k
 
       call new_force_table([(contact*k/pieces, k=0, pieces)], &
