@@ -58,14 +58,15 @@ module beamid_score_tests
       real(wp) :: moves = 0
       integer :: by = 0
       real(wp) :: decrease = 0             !< relative decrease of the weighted sum of squares
-      !> Whether the test is significant (see `decide`) and, in addition, the candidate shifts an
-      !> estimate by more than half of its half width or reduces the sum of squares by over a tenth.
-      logical :: matters = .false.
+      !> Whether the candidate shifts an estimate by more than half of its half width, or reduces
+      !> the sum of squares by over a tenth, and the test rejects the model; or another test has
+      !> rejected the model, and this one is significant at a lower level (`decide`).
+      logical :: rejects = .false., matters = .false.
    contains
       procedure :: remedy
    end type score_test_t
 
-   !> Significance level of all tests together.
+   !> Significance level of all tests together, with which they reject the model.
    real(wp), parameter :: chance = 0.01_wp
    !> Least shift that matters, in half widths.
    real(wp), parameter :: large_shift = 0.5_wp
@@ -372,17 +373,14 @@ contains
       end do
    end subroutine find_largest_shift
 
-   !> Decides which tests matter: they are significant, and a finer mesh does not reduce J by half
-   !> as much or more. The residuals that such a candidate explains are errors of the mesh, which
-   !> the intervals include.
-   !>
-   !> Bonferroni's correction for their number holds until one of them has rejected the model. The
-   !> true cause may then be any candidate, or none: each that is significant by itself matters.
+   !> Decides which tests reject the model: they are significant by Bonferroni's correction for
+   !> their number, and a finer mesh does not reduce J by half as much or more. The residuals that
+   !> such a candidate explains are errors of the mesh, which the intervals include. After a
+   !> rejection the true cause may be any candidate, or none: each that is significant alone counts.
    subroutine decide(fit, tests)
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), intent(inout) :: tests(:)
-      !> Significance level of each test after another one has rejected the model.
-      real(wp), parameter :: chance_alone = 0.05_wp
+      real(wp), parameter :: chance_alone = 0.05_wp   ! of each test after a rejection
       logical :: counts(size(tests))
 
       counts = (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
@@ -392,8 +390,9 @@ contains
          tests%name /= 'delay'
       ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) counts = counts .and. tests%value > 0
-      tests%matters = counts .and. tests%p_value < chance/max(1, size(tests))
-      if (any(tests%matters .and. tests%name /= 'offset')) tests%matters = tests%matters .or. &
+      tests%rejects = counts .and. tests%p_value < chance/max(1, size(tests))
+      ! An offset shifts hardly anything else, and nothing else looks like an offset.
+      tests%matters = tests%rejects .or. any(tests%rejects .and. tests%name /= 'offset') .and. &
          counts .and. tests%p_value < chance_alone .and. tests%name /= 'offset'
    end subroutine decide
 

@@ -48,10 +48,10 @@ module beamid_verdicts
    !> Share of the variance of a record above which a spectral line that the model cannot explain
    !> rejects the fit.
    real(wp), parameter :: most_unexplained = 0.05_wp
-   !> Largest ratio of residuals to noise with which parameters may count as determined, and largest
-   !> ratio if the excitation is known and the residuals exceed the noise around a mode. A known
-   !> excitation predicts the size of each mode as well, so that no free amplitude takes up what the
-   !> model lacks: it shifts the estimates by amounts that the residuals do not show.
+   !> Largest ratio of residuals to noise with which parameters may count as determined, and the
+   !> largest for a record in time with a known excitation whose residuals exceed the noise around
+   !> mode 1 or 2. A known excitation predicts the size of each mode as well: no free amplitude
+   !> takes up what the model lacks, and the residuals do not show how far estimates are shifted.
    real(wp), parameter :: gross = 10, gross_if_driven = 2
 
    !> Number of modes to judge if fewer were fitted, and number of modes whose frequencies are
@@ -75,7 +75,7 @@ contains
       complex(wp), allocatable :: s(:, :), ds(:, :, :), higher(:, :)
       type(sighting_t), allocatable :: modes(:), lines(:)
       logical, allocatable :: departing(:), missed(:)
-      real(wp), allocatable :: misfits(:), rest(:)
+      real(wp), allocatable :: limits(:), misfits(:), rest(:)
       integer :: first, fitted, k, r
 
       call roots_of_fit(mesh, fit, s, ds, higher, error)
@@ -85,6 +85,7 @@ contains
       verdict%lost = .false.
       verdict%departures = ''
       verdict%missed = ''
+      allocate (limits(size(experiments)), source=gross)
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
@@ -102,14 +103,17 @@ contains
       verdict%caution = ''
       if (fit%note /= '') verdict%caution = &
          'the program keeps a parameter fixed that was to be estimated'
-      associate (q => verdict%qualities, is_driven => experiments%excitation%modes == 0)
-         misfits = merge(q%rms_rest/max(q%floor, tiny(1.0_wp)), 0.0_wp, &
+      associate (q => verdict%qualities)
+         misfits = merge(q%rms_rest/max(q%floor, tiny(1.0_wp)), 1.0_wp, &
             q%rms_rest > 0 .and. .not. q%is_exact)
-         verdict%misfit = maxval(misfits)
-         if (any(misfits > merge(gross_if_driven, gross, q%kind == 'time' .and. is_driven .and. &
-            verdict%departures /= ''))) verdict%caution = &
-            'the residuals are '//rounded(verdict%misfit, 2)//' times the noise of the record'
       end associate
+      verdict%misfit = maxval(misfits)
+      r = maxloc(misfits/limits, dim=1)
+      if (misfits(r) > limits(r)) then
+         verdict%caution = 'the residuals are '//rounded(misfits(r), 2)//' times the noise of '
+         if (size(limits) == 1) verdict%caution = verdict%caution//'the record'
+         if (size(limits) > 1) verdict%caution = verdict%caution//'record '//to_text(r)
+      end if
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)
@@ -132,10 +136,11 @@ contains
             verdict%qualities(r) = quality_of(experiment, residual, rest, fit)
             verdict%sightings = [verdict%sightings, modes, lines]
             missed = departing(:fitted)
-            if (any(missed) .and. experiment%excitation%modes > 0) then
-               call find_missed_modes(experiment, s(:fitted, r), modes, missed)
-            else
+            if (experiment%excitation%modes == 0) then
                missed = .false.
+               if (any(departing(:fitted))) limits(r) = gross_if_driven
+            else if (any(missed)) then
+               call find_missed_modes(experiment, s(:fitted, r), modes, missed)
             end if
             call add_departures(departing(:fitted) .and. .not. missed, s(:fitted, r), &
                merge(r, 0, size(experiments) > 1), verdict%departures)

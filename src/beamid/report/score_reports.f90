@@ -39,13 +39,14 @@ contains
             end if
             select case (one%name)
             case ('scale')
-               line = 'the model contradicts the scale of record '//to_text(one%record)// &
+               line = contradicts(one)//' the scale of record '//to_text(one%record)// &
                   ': if it is multiplied by '//rounded(one%value, 3)//','
             case ('delay')
-               line = 'the model contradicts the times of record '//to_text(one%record)// &
+               line = contradicts(one)//' the times of record '//to_text(one%record)// &
                   ': with a delay of '//trim(rounded(one%value, 3)//' '//case%units%time)//','
             case default
-               line = trim(one%name)//', which the model leaves out, is significant: with '// &
+               line = trim(one%name)//', which the model leaves out, '//trim(merge( &
+                  'is significant     ', 'may matter as well ', one%rejects))//': with '// &
                   trim(one%name)//' = '//trim(rounded(one%value, 3)//' '// &
                   case%units%of_quantity(one%parameter, fit%scenario%excitations(1)))//','
             end select
@@ -60,6 +61,15 @@ contains
          end associate
       end do
    end subroutine add_score_lines
+
+   !> Returns the beginning of the sentence on an error of a record.
+   pure function contradicts(one) result(text)
+      type(score_test_t), intent(in) :: one
+      character(len=:), allocatable :: text
+
+      text = 'the model contradicts'
+      if (.not. one%rejects) text = 'the model may also contradict'
+   end function contradicts
 
    !> Adds score_tests.csv: each candidate with its p-value, the largest shift of an estimate in
    !> half widths of its interval, and that estimate.

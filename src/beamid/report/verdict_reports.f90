@@ -48,7 +48,8 @@ contains
       if (verdict%no_fit == '' .and. verdict%departures /= '') then
          line = ''
          if (.not. all(fit%scenario%excitations%modes > 0)) line = &
-            ', or the excitation may differ from that of the case'
+            ', the excitation may differ from that of the case, or the structure may have '// &
+            'something that the case lacks, such as a mass'
          call text%line('the residuals exceed the noise around '//verdict%departures// &
             ': damping or stiffness may depend on the amplitude'//line)
       end if

@@ -382,14 +382,14 @@ contains
          do k = 1, size(found%tests)
             if (found%tests(k)%matters) call last%extend(found%tests(k)%shift(:size(last%free)))
          end do
-         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%matters)
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects)
          if (k == 0) return
          if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//', the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
          ! Scale and delay cannot be free.
-         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%matters .and. &
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects .and. &
             found%tests%name /= 'scale' .and. found%tests%name /= 'delay')
          if (k > 0) call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), &
             found%experiments, found%verdict, last, missing=trim(found%tests(k)%name))
