@@ -332,7 +332,7 @@ def test_mistakes_after_the_fit(tab, example, tmp_path):
     tab.wait_for_timeout(600)
     fit(tab, 2)
     tab.get_by_role("button", name="Estimate offset").click(timeout=WAIT)
-    assert tab.locator("[data-free=offset]").get_attribute("aria-checked") == "true"
+    tab.locator("[data-free=offset][aria-checked=true]").wait_for(timeout=WAIT)
     fit(tab, 3)
     assert tab.get_by_role("button", name="Estimate offset").count() == 0
     tab.click("[data-go=compare]")
