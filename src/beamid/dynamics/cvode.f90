@@ -2,8 +2,9 @@
 !>
 !> CVODE solves its Newton systems through a SUNLinearSolver that calls `beamid_newton`
 !> ("matrix-embedded": CVODE holds no matrix). The integrator stops at every node of the force. At a
-!> kink (`kinks_of`) it restarts, so that no step uses values from before the kink. Stability-limit
-!> detection is on, because lightly damped modes lie where BDF of orders 3 to 5 is unstable.
+!> kink it restarts, because CVODE judges the error of a step by a prediction from earlier steps;
+!> after a kink it may take a large error for a small one. Stability-limit detection is on, because
+!> lightly damped modes lie where BDF of orders 3 to 5 is unstable.
 module beamid_cvode
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_funloc, &
@@ -101,7 +102,7 @@ contains
       next = 1
       steps = 0
       nodes = size(excitation%t)
-      has_kink = kinks_of(excitation)
+      has_kink = excitation%kinks()
       do k = 1, nodes
          ! Samples at the node, or beside it by round-off, are taken here: the step to them would
          ! vanish. Up to the first node the structure is at rest; at this node, the acceleration
@@ -127,30 +128,6 @@ contains
       work%evaluations = work%evaluations + session%motion%evaluations
       work%factorizations = work%factorizations + session%motion%factorizations
    end subroutine respond
-
-   !> Returns for each node whether the force jumps there, or its slope by more than a tenth of the
-   !> largest slope. CVODE judges the error of a step by a prediction from earlier steps; after a
-   !> kink it may take a large error for a small one. The kinks of a smooth force that was sampled
-   !> are smaller, and a restart would cost more steps than they do.
-   pure function kinks_of(excitation) result(kinks)
-      type(excitation_t), intent(in) :: excitation
-      real(wp), parameter :: small = 0.1_wp
-      logical :: kinks(size(excitation%t))
-      real(wp) :: slope(0:size(excitation%t))
-      integer :: n
-
-      n = size(kinks)
-      slope = 0
-      kinks = .false.
-      associate (t => excitation%t, f => excitation%f)
-         slope(1:n - 1) = (f(2:) - f(:n - 1))/(t(2:) - t(:n - 1))
-         kinks = abs(slope(1:) - slope(:n - 1)) > small*maxval(abs(slope))
-         ! The integrator starts at the first node, and cannot start where it has to stop at once.
-         kinks(1) = .false.
-         where (t(2:) - t(:n - 1) <= same_time*spacing(t(2:))) kinks(:n - 1) = .false.
-         if (n > 1) kinks(n) = kinks(n) .or. abs(f(n)) > 0
-      end associate
-   end function kinks_of
 
    !> Sets the excitation from node k of the force to the next node; the force is 0 after the last.
    subroutine begin_segment(motion, excitation, k)

@@ -38,7 +38,7 @@ module beamid_excitation
       !> arbitrary amplitude and phase at the first sample
       integer :: modes = 0
    contains
-      procedure :: force, base, set_amplitude, fit_to, size_scale
+      procedure :: force, base, kinks, set_amplitude, fit_to, size_scale
    end type excitation_t
 
 contains
@@ -220,6 +220,28 @@ contains
             min(1.0_wp, (t - nodes(low))/(nodes(high) - nodes(low)))
       end associate
    end function force
+
+   !> Returns for each node but the first (nodes) whether an integrator should restart there: the
+   !> force jumps, or its slope by more than a tenth of the largest slope. The kinks of a smooth
+   !> force that was sampled are smaller, and a restart would cost more steps than they do.
+   pure function kinks(self)
+      class(excitation_t), intent(in) :: self
+      logical :: kinks(size(self%t))
+      real(wp), parameter :: small = 0.1_wp
+      real(wp) :: slope(0:size(self%t))
+      integer :: n
+
+      n = size(self%t)
+      slope = 0
+      associate (t => self%t, f => self%f)
+         slope(1:n - 1) = (f(2:) - f(:n - 1))/(t(2:) - t(:n - 1))
+         kinks = abs(slope(1:) - slope(:n - 1)) > small*maxval(abs(slope))
+         kinks(1) = .false.
+         ! An integrator cannot start where it has to stop at once.
+         where (t(2:) - t(:n - 1) <= same_time*spacing(t(2:))) kinks(:n - 1) = .false.
+         if (n > 1) kinks(n) = kinks(n) .or. abs(f(n)) > 0
+      end associate
+   end function kinks
 
    !> Estimates the size of the displacement that the force causes in an oscillator [length]: the
    !> smaller of the static deflection under the peak force and the amplitude after an impulsive
