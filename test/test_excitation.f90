@@ -13,6 +13,7 @@ program test_excitation
    call test_replaced()
    call test_refused()
    call test_scale()
+   call test_kinks()
    call finish('excitation')
 
 contains
@@ -114,5 +115,31 @@ contains
       call new_force_table([0.0_wp, 0.25_wp, 0.5_wp], [0.0_wp, 1.0_wp, 0.0_wp], force, error)
       call check_close('triangle: impulse', force%size_scale(2.0_wp, 2.0_wp), 0.25_wp, 0.0_wp)
    end subroutine test_scale
+
+   !> An integrator restarts where a force begins, bends or jumps, but not in a rest at 0, at the
+   !> samples of a smooth force, or between two times that round-off separates.
+   subroutine test_kinks()
+      real(wp), parameter :: step = 0.01_wp
+      integer, parameter :: nodes = 100
+      real(wp) :: t(nodes), f(nodes)
+      type(excitation_t) :: force
+      type(error_t), allocatable :: error
+      integer :: k
+
+      force = new_pulse(2.0_wp, 0.1_wp)
+      call check('kinks of a pulse', all(force%kinks() .eqv. [.false., .true.]))
+      t = [(k*step, k=1, nodes)]
+      f = 0
+      f(11) = 1
+      call new_force_table(t, f, force, error)
+      call check('kinks of a blow', all(force%kinks() .eqv. [(abs(k - 11) <= 1, k=1, nodes)]))
+      ! From sample to sample the slope changes by at most 3 % of the largest one; it ends at the
+      ! last sample.
+      call new_force_table(t, sin(3*t) - sin(3*t(nodes)), force, error)
+      call check('kinks of a sampled sine', all(force%kinks() .eqv. [(k == nodes, k=1, nodes)]))
+      call new_force_table([0.0_wp, 1.0_wp, nearest(1.0_wp, 2.0_wp), 2.0_wp], &
+         [0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp], force, error)
+      call check('kinks beside a jump', all(force%kinks() .eqv. [.false., .false., .true., .true.]))
+   end subroutine test_kinks
 
 end program test_excitation
