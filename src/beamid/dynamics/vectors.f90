@@ -57,12 +57,15 @@ contains
    !> Returns the oscillator whose own response is the largest in comparison with its couplings to
    !> the rows of V.
    !>
+   !> The root of an oscillator that is hardly coupled equals its pole to all digits. A distance of
+   !> round-off therefore counts as 0; otherwise a coupled oscillator would be chosen.
+   !>
    !> s  [1/time]
    pure integer function largest_response(self, s) result(j)
       type(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
-      complex(wp) :: H(self%layout%r, self%layout%r, 2)
-      real(wp) :: weight(self%layout%r), response, distance, damped, largest
+      complex(wp) :: H(self%layout%r, self%layout%r, 2), gap
+      real(wp) :: weight(self%layout%r), response, distance, damped, largest, round_off
       integer :: i, k, l
 
       damped = 1
@@ -77,6 +80,7 @@ contains
                /max(1.0_wp, self%couplings%compliance(k)))
          end do
       end do
+      round_off = 4*epsilon(1.0_wp)*abs(s)
       j = 1
       largest = -1
       do i = 1, self%layout%n
@@ -85,7 +89,9 @@ contains
          associate (of => self%oscillators)
             do k = 1, merge(size(of%pole, 2), 2, of%relaxes(i))
                if (k == 3) distance = distance/damped
-               distance = distance*(real(s - of%pole(i, k))**2 + aimag(s - of%pole(i, k))**2)
+               gap = s - of%pole(i, k)
+               if (abs(real(gap)) + abs(aimag(gap)) <= round_off) gap = 0
+               distance = distance*(real(gap)**2 + aimag(gap)**2)
             end do
          end associate
          response = response**2/max(distance, tiny(1.0_wp))
