@@ -24,8 +24,11 @@ module beamid_cluster_motion
       complex(wp), allocatable :: x(:)
       !> (states, states) e**(B step)
       complex(wp), allocatable :: growth(:, :)
-      !> (states, 2) contributions of f and of (slope of f) x step
+      !> (states, 2) contributions of f and of its slope
       complex(wp), allocatable :: drive(:, :)
+      !> (states + 2, states + 2, 0:states + 1) at the origin, powers of the matrix B with its
+      !> forces, divided by factorials, for e**(B step)
+      complex(wp), allocatable, private :: powers(:, :, :)
    contains
       procedure :: advance
    end type cluster_state_t
@@ -48,17 +51,27 @@ contains
 
       if (.not. same) then
          n = size(self%x)
+         ! x, f and df/dt are one linear system: the matrix of e**(B step), and at n + 1 and n + 2
+         ! the columns of the forces.
          a = 0
-         a(:n, :n) = step*generator(cluster, n)
-         self%growth = exponential(a(:n, :n), cluster%centre%s*step)
-         ! x/step, f and slope*step are one linear system, because f' = slope.
-         a(:n, :n) = a(:n, :n) + cluster%centre%s*step*identity(n)
+         a(:n, :n) = generator(cluster, n)
          a(cluster%m, n + 1) = 1
          a(n + 1, n + 2) = 1
-         a = exponential(a, (0.0_wp, 0.0_wp))
-         self%drive = step*a(:n, n + 1:)
+         if (cluster%is_origin) then
+            if (.not. allocated(self%powers)) self%powers = nilpotent_powers(a)
+            a = polynomial(self%powers, step)
+            self%growth = a(:n, :n)
+            self%drive = a(:n, n + 1:)
+         else
+            self%growth = exponential(step*a(:n, :n), cluster%centre%s*step)
+            ! Here for x/step, f and slope*step.
+            a(:n, :n) = step*(a(:n, :n) + cluster%centre%s*identity(n))
+            a = exponential(a, (0.0_wp, 0.0_wp))
+            self%drive = step*a(:n, n + 1:)
+            self%drive(:, 2) = step*self%drive(:, 2)
+         end if
       end if
-      self%x = matmul(self%growth, self%x) + self%drive(:, 1)*force + self%drive(:, 2)*slope*step
+      self%x = matmul(self%growth, self%x) + self%drive(:, 1)*force + self%drive(:, 2)*slope
    end subroutine advance
 
    !> Returns the states after a unit impulse.
@@ -101,6 +114,31 @@ contains
          end if
       end do
    end function generator
+
+   !> Returns a**k/k! for k = 0 to n - 1, (n, n, 0:n - 1); a**n is 0.
+   pure function nilpotent_powers(a) result(powers)
+      complex(wp), intent(in) :: a(:, :)
+      complex(wp) :: powers(size(a, 1), size(a, 1), 0:size(a, 1) - 1)
+      integer :: k
+
+      powers(:, :, 0) = identity(size(a, 1))
+      do k = 1, size(a, 1) - 1
+         powers(:, :, k) = matmul(a, powers(:, :, k - 1))/k
+      end do
+   end function nilpotent_powers
+
+   !> Returns the sum of powers(:, :, k) x**k by Horner's rule.
+   pure function polynomial(powers, x) result(value)
+      complex(wp), intent(in) :: powers(:, :, 0:)
+      real(wp), intent(in) :: x
+      complex(wp) :: value(size(powers, 1), size(powers, 2))
+      integer :: k
+
+      value = powers(:, :, ubound(powers, 3))
+      do k = ubound(powers, 3) - 1, 0, -1
+         value = x*value + powers(:, :, k)
+      end do
+   end function polynomial
 
    !> Returns e**(a + shift I), by the power series and repeated squaring.
    pure function exponential(a, shift) result(e)

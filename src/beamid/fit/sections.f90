@@ -52,7 +52,9 @@ contains
       distance_of = sqrt(max(0.0_wp, J - section%J_min)/section%rise)
    end function distance_of
 
-   !> Minimises J over all parameters except the fixed one.
+   !> Minimises J over all parameters except the fixed one. The start is near the minimum, so that a
+   !> search that does not converge within 300 evaluations (300 Jacobians, if these are differences)
+   !> has lost its way.
    !>
    !> parameters  (n) on entry the start and the fixed value, on return the minimum
    !> J           least sum of squares
@@ -80,6 +82,7 @@ contains
       end associate
       options%check = .false.
       options%tolerance = 1e-9_wp
+      options%max_evaluations = 300*merge(1, size(others) + 1, section%exact)
       options%rough = present(tolerance)
       if (present(tolerance)) then
          options%tolerance = tolerance

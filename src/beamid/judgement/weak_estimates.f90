@@ -12,6 +12,7 @@ module beamid_weak_estimates
    use beamid_identification, only: model_t, stage_fit_t
    use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
    use beamid_parameters, only: on_beam, parameters
    use beamid_profile_likelihood, only: at_bound, follow_profile, is_lost, is_open, side_t
    use beamid_residuals, only: residual_t
@@ -39,11 +40,13 @@ contains
    !>
    !> model, mesh, experiments  of the fit
    !> found                     the fit, with a known mesh shift and its fixed parameters
-   subroutine widen_weak_estimates(model, mesh, experiments, found)
+   !> monitor                   receives a report of each point of a profile
+   subroutine widen_weak_estimates(model, mesh, experiments, found, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(inout) :: found
+      class(monitor_t), intent(inout), optional :: monitor
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
@@ -91,7 +94,8 @@ contains
             covered = [(s%corrected_half_width(j), j=1, size(covered))]
             level = covered/max(s%std_error(:size(level)), tiny(1.0_wp))
             call follow_profile(problem, problem%rows(), variables, found%fit%estimate, &
-               sum(found%fit%residual**2), k, direction, s%variance*level(k)**2, covered(k), side)
+               sum(found%fit%residual**2), k, direction, s%variance*level(k)**2, covered(k), side, &
+               monitor)
             if (side%state == is_open) then
                is_endless = is_endless .or. abs(side%parameters(:, size(side%J)) &
                   - found%fit%estimate) > covered

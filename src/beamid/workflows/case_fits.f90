@@ -234,7 +234,7 @@ contains
                call judge_ranges(case%model, mesh, found%experiments, last)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
                if (found%verdict%no_fit == '' .and. is_exact(case%model%solver)) &
-                  call widen_weak_estimates(case%model, mesh, found%experiments, last)
+                  call widen_weak_estimates(case%model, mesh, found%experiments, last, monitor)
             end if
          end associate
          call locate(error, case%path)
