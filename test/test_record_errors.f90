@@ -1,5 +1,6 @@
-!> Records whose scale or times are wrong, and struck beams with a mass that the case leaves out,
-!> fitted by the program: the first lines tell it, and no wrong value counts as determined.
+!> Records whose scale or times are wrong, struck beams with a mass that the case leaves out, and
+!> records of noise, fitted by the program: the first lines tell it, and no wrong value counts as
+!> determined.
 program test_record_errors
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
@@ -29,6 +30,7 @@ program test_record_errors
       call test_scale()
       call test_delay()
       call test_unknown_mass()
+      call test_noise_alone()
       call close_shell()
    end if
    call finish('record_errors')
@@ -159,5 +161,33 @@ contains
             answer%estimates)
       end do
    end subroutine test_unknown_mass
+
+   !> Records of noise are rejected, whether the force of the case would move the beam by more or by
+   !> as much. A motion of a third of the noise is accepted: it reduces J by 160 variances of the
+   !> noise, and chance by at most 47.
+   subroutine test_noise_alone()
+      character(len=*), parameter :: weak_pulse = '&excitation kind=''pulse'', '// &
+         'amplitude=0.05, duration=0.02, x_F=0.3 /'//nl
+      type(answer_t) :: answer
+      integer :: k, told
+
+      told = 0
+      do k = 1, 6
+         call write_motion(0.0_wp, 0.0_wp, 80 + k)
+         answer = fitted(weak_pulse)
+         call check('noise: rejected', answer%status == 1, answer%out)
+         if (index(answer%out, 'no record shows the motion of the model') > 0) told = told + 1
+         call check('noise: no estimate counts', index(answer%estimates, ',yes,') == 0, &
+            answer%estimates)
+         answer = fitted(pulse)
+         call check('noise beside a large force: rejected', answer%status == 1, answer%out)
+      end do
+      ! In the others, the search does not converge.
+      call check('noise: the reason', told >= 3, to_text(told))
+      call write_motion(1.0_wp, 0.0_wp, 87, 3.0_wp)
+      answer = fitted(pulse)
+      call check('a faint motion: accepted', answer%status == 0, answer%out//answer%err)
+      call check('a faint motion: no wrong value', answer%is_honest(names, truth), answer%estimates)
+   end subroutine test_noise_alone
 
 end program test_record_errors

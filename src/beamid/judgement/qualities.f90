@@ -20,6 +20,9 @@ module beamid_qualities
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
       real(wp) :: noise_sd = 0        !< noise level, corrected for the degrees of freedom
       real(wp) :: effective = 0       !< effective number of samples, < samples if not white
+      !> by how much the fit reduces the sum of squares of the effective samples about their mean,
+      !> in variances of the residuals
+      real(wp) :: gain = 0
       !> white noise that the spectrum of the residuals shows between the motions; equal to
       !> `rms_residual` if the residuals are white or the samples are few
       real(wp) :: floor = 0
@@ -66,6 +69,8 @@ contains
             *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
       end associate
       quality%effective = effective_samples(residual)
+      quality%gain = quality%effective*(quality%rms_signal**2 - quality%rms_residual**2) &
+         /max(quality%rms_residual**2, tiny(1.0_wp))
       quality%rms_rest = sqrt(sum(rest**2)/m)
       quality%floor = quality%rms_residual
       if (m >= enough .and. .not. fit%check%white) quality%floor = min(quality%floor, &
@@ -108,6 +113,8 @@ contains
    !> Describes the record that the fit explains least, if that is too little; '' otherwise. Too
    !> little is less than `least_percent` if the residuals are not white. If they are, the record
    !> may be nothing but noise: 0 % is enough, but the residuals may not be larger than the record.
+   !> If all records are functions of time, the fit must reduce the sum of squares of all together
+   !> by more than noise would allow.
    subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
@@ -127,10 +134,29 @@ contains
             to_text(r)//', and the residuals are not noise'
       else if (any(excess > 0)) then
          text = 'the residuals are larger than record '//to_text(findloc(excess > 0, .true., dim=1))
+      else if (all(qualities%kind == 'time') .and. sum(qualities%gain) < gain_from_noise( &
+         sum(qualities%samples), size(fit%free))) then
+         text = 'no record shows the motion of the model above its noise'
       else
          return
       end if
       text = text//': check the start values, the units, and the parameters that are free'
    end subroutine describe_misfit
+
+   !> Returns the largest reduction of the sum of squares, in variances of the noise, that a fit
+   !> finds in records of white noise with a probability of 0.999. A fit to noise reduces the sum by
+   !> a chi-squared variable, and it may choose among as many frequencies as there are samples. The
+   !> quantile is bounded by Laurent and Massart, Ann. Statist. 28, 2000, 1302, Lemma 1.
+   !>
+   !> samples     number of samples
+   !> parameters  number of free parameters
+   pure real(wp) function gain_from_noise(samples, parameters)
+      integer, intent(in) :: samples, parameters
+      real(wp), parameter :: probability = 1e-3_wp
+      real(wp) :: x
+
+      x = log(samples/probability)
+      gain_from_noise = parameters + 2*sqrt(parameters*x) + 2*x
+   end function gain_from_noise
 
 end module beamid_qualities
