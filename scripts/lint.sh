@@ -37,6 +37,9 @@ lint ': (error|fatal|warning)\[' .venv/bin/fortitude check --quiet --output-form
    src app test example python/library external/sundials-6 external/sundials-7
 lint ':[0-9]+:[0-9]+: ' .venv/bin/ruff check --output-format concise python scripts
 lint ':[0-9]+: error: ' .venv/bin/mypy
+# A source file that grows beyond 400 lines holds more than one idea.
+mapfile -t sources < <(find src app -name '*.f90')
+lint ': more than' awk 'FNR == 401 { print FILENAME ": more than 400 lines" }' "${sources[@]}"
 
 echo "lint: $findings findings"
 [[ $findings == 0 ]]
