@@ -227,7 +227,10 @@ contains
             end if
             result%estimate = search%parameters
             call find_jacobian()
-            if (allocated(error)) return
+            if (allocated(error)) then
+               call name_variables_at_bounds(search, error%message)
+               return
+            end if
             k = variable_to_release()
             if (k == 0) exit
             search%moving = [search%moving, k]

@@ -113,8 +113,8 @@ contains
    !> Describes the record that the fit explains least, if that is too little; '' otherwise. Too
    !> little is less than `least_percent` if the residuals are not white. If they are, the record
    !> may be nothing but noise: 0 % is enough, but the residuals may not be larger than the record.
-   !> If all records are functions of time, the fit must reduce the sum of squares of all together
-   !> by more than noise would allow.
+   !> If all records are functions of time, with 50 samples or more, the fit must reduce the sum of
+   !> squares of all together by more than noise would allow.
    subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
@@ -123,6 +123,8 @@ contains
       !> variances of the noise: the right motion and a constant, added to noise, change the sum by
       !> at most a chi-squared variable of two degrees of freedom. Its quantile of 1 - 5e-5.
       real(wp), parameter :: chance = 20
+      !> With fewer samples, the residuals do not tell the noise.
+      integer, parameter :: enough = 50
       real(wp) :: excess(size(qualities))
       integer :: r
 
@@ -134,8 +136,8 @@ contains
             to_text(r)//', and the residuals are not noise'
       else if (any(excess > 0)) then
          text = 'the residuals are larger than record '//to_text(findloc(excess > 0, .true., dim=1))
-      else if (all(qualities%kind == 'time') .and. sum(qualities%gain) < gain_from_noise( &
-         sum(qualities%samples), size(fit%free))) then
+      else if (all(qualities%kind == 'time') .and. sum(qualities%samples) >= enough .and. &
+         sum(qualities%gain) < gain_from_noise(sum(qualities%samples), size(fit%free))) then
          text = 'no record shows the motion of the model above its noise'
       else
          return
