@@ -9,6 +9,7 @@ module beamid_damping_study
    use beamid_candidates, only: candidate_t, compute_criteria, criteria_t
    use beamid_damping_models, only: damping_models_t, fit_damping_models
    use beamid_errors, only: locate
+   use beamid_kinds, only: pi
    use beamid_least_squares, only: monitor_t
    use beamid_lines, only: add_lines, csv_row
    use beamid_noise, only: gaussian_noise
@@ -112,7 +113,7 @@ contains
       real(wp), parameter :: step = 1e-3_wp, duration = 0.02_wp, place = 0.4_wp, too_low = 0.995_wp
       !> The blow is smooth, so that it does not excite modes beyond the meshes.
       integer, parameter :: nodes = 40
-      real(wp), parameter :: strength = 30, pi = acos(-1.0_wp)
+      real(wp), parameter :: strength = 30
       real(wp) :: shape(0:nodes)
       type(model_t) :: truth
       type(simulation_t) :: simulation

@@ -4,6 +4,7 @@ module beamid_varying_study
    use beamid
    use beamid_fit_setups, only: set_unknowns => set_free
    use beamid_interrupts, only: stop_flag
+   use beamid_kinds, only: pi
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: quantity_t, variables_of
@@ -69,7 +70,6 @@ contains
    subroutine new_problems(problems)
       type(varying_t), allocatable, intent(out) :: problems(:)
       integer, parameter :: knots = 64
-      real(wp), parameter :: pi = acos(-1.0_wp)
       real(wp) :: xi(0:knots)
       type(variation_t) :: smooth, viscous, step
       integer :: k

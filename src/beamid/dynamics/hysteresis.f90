@@ -17,7 +17,7 @@
 !> distance r = |s - t|, on panels that are short in comparison with b, of Q(r) times a polynomial.
 !> Its error is round-off, about 1e-13 of the largest entry, for every b > 0.
 module beamid_hysteresis
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_modes, only: beam_modes_t
    use beamid_quadrature, only: gauss_legendre, rule_t
    implicit none
@@ -86,7 +86,7 @@ contains
    pure function second_integral(r, b, l) result(Q)
       real(wp), intent(in) :: r, b, l
       real(wp) :: Q(2)
-      real(wp), parameter :: peak = 1/sqrt(2*acos(-1.0_wp)), root_half = sqrt(0.5_wp)
+      real(wp), parameter :: peak = 1/sqrt(two_pi), root_half = sqrt(0.5_wp)
       real(wp) :: z, fall
 
       z = r/b

@@ -1,7 +1,7 @@
 !> Computes Student's t, chi-square and normal distributions from the incomplete beta and gamma
 !> functions, for intervals and tests.
 module beamid_distributions
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, two_pi, wp
    implicit none
    private
 
@@ -139,7 +139,7 @@ contains
          above = 2*above
       end do
       ! Newton's method within brackets; the derivative of the probability is twice the density.
-      height = 2*exp(log_gamma((freedom + 1)/2) - log_gamma(freedom/2))/sqrt(freedom*acos(-1.0_wp))
+      height = 2*exp(log_gamma((freedom + 1)/2) - log_gamma(freedom/2))/sqrt(freedom*pi)
       t = (below + above)/2
       do k = 1, 200
          if (t <= below .or. t >= above) t = (below + above)/2
@@ -176,7 +176,7 @@ contains
    !> converges from one side.
    elemental real(wp) function normal_quantile(probability) result(x)
       real(wp), intent(in) :: probability
-      real(wp), parameter :: root_of_2_pi = sqrt(2*acos(-1.0_wp))
+      real(wp), parameter :: root_of_2_pi = sqrt(two_pi)
       real(wp) :: tail, there, step, t
       integer :: k
 

@@ -123,8 +123,8 @@ contains
                own = norm2(r + matmul(jacobian, step))
                disagreement = disagreement + sum(r**2) - own**2
                excess = excess + rank
-               sd(i) = own/weight/sqrt(real(max(1, size(z) - rank &
-                  - problem%linear_unknowns()/size(sd)), wp))
+               sd(i) = own/weight/sqrt(max(1.0_wp, size(z) - rank &
+                  - real(problem%linear_unknowns(), wp)/size(sd)))
             end associate
             sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(freedom))
             row = row + size(z)

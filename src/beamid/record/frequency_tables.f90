@@ -3,7 +3,7 @@ module beamid_frequency_tables
    use beamid_column_units, only: bare_name
    use beamid_csv, only: extent_t, open_table, part_t, read_rows
    use beamid_errors, only: bad_input, error_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, two_pi, wp
    use beamid_numbers, only: shown
    use beamid_rows, only: column_length, reader_t
    use beamid_strings, only: lower, to_text
@@ -62,7 +62,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(reader_t) :: reader
       real(wp), allocatable :: values(:, :)
-      real(wp), parameter :: degree = acos(-1.0_wp)/180
+      real(wp), parameter :: degree = pi/180
       integer :: columns(size(response_columns))
       logical :: is_polar
 
@@ -116,15 +116,13 @@ contains
       type(error_t), allocatable, intent(inout) :: error
       !> Fewest lines that are judged.
       integer, parameter :: enough = 8
-      real(wp) :: turn
 
       call check_all(path, 'magnitude', magnitudes, magnitudes >= 0, 'values of at least 0; '// &
          'decibels have to be converted: magnitude = 10^(dB/20)', error)
       if (allocated(error) .or. size(phases) < enough) return
-      turn = 2*acos(-1.0_wp)
       ! The phase passes 180 degrees from below to above a resonance; in degrees a range of less
       ! than one turn in radians would be no resonance at all.
-      if (maxval(phases) - minval(phases) > 0.3_wp*turn .and. maxval(abs(phases)) <= turn) &
+      if (maxval(phases) - minval(phases) > 0.3_wp*two_pi .and. maxval(abs(phases)) <= two_pi) &
          call bad_input(error, path//': phase_deg: found values from '// &
          to_text(minval(phases))//' to '//to_text(maxval(phases))//', which look like radians; '// &
          'expected degrees')

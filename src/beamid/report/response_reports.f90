@@ -5,7 +5,7 @@ module beamid_response_reports
    use beamid_frequency_responses, only: frequency_response_t, quantities
    use beamid_frequency_runs, only: band_of_magnitude, case_response_t
    use beamid_identification, only: stage_fit_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: pi, wp
    use beamid_lines, only: csv_row
    use beamid_modal_tables, only: modal_table_t
    use beamid_mode_summaries, only: add_refinement_warning
@@ -210,7 +210,7 @@ contains
       real(wp), intent(in) :: frequency
       complex(wp), intent(in) :: h
       character(len=:), allocatable :: line
-      real(wp), parameter :: degree = acos(-1.0_wp)/180
+      real(wp), parameter :: degree = pi/180
 
       line = csv_row(to_text(elements), [frequency, real(h), aimag(h), abs(h), &
          atan2(aimag(h), real(h))/degree])

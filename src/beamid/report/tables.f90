@@ -5,7 +5,7 @@ module beamid_tables
    use beamid_fit_curves, only: fit_header, new_fit_curves
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
    use beamid_lines, only: csv_row, limit
    use beamid_multistart, only: minimum_t
    use beamid_number_tables, only: add_number_table, number_table_t
@@ -183,8 +183,8 @@ contains
       do k = 1, size(roots)
          ratio = 0
          if (abs(roots(k)) > 0) ratio = -real(roots(k))/abs(roots(k))
-         call text%line(csv_row(to_text(elements)//','//to_text(k), [abs(roots(k))/ &
-            (2*acos(-1.0_wp)), ratio + 0.0_wp, real(roots(k)), aimag(roots(k))]))
+         call text%line(csv_row(to_text(elements)//','//to_text(k), [abs(roots(k))/two_pi, &
+            ratio + 0.0_wp, real(roots(k)), aimag(roots(k))]))
       end do
    end subroutine add_modes
 
