@@ -45,7 +45,7 @@ module beamid_damping_models
 
    !> The fit of one combination, or the error.
    type :: trial_t
-      type(candidate_t) :: model
+      type(candidate_t), allocatable :: model
       type(error_t), allocatable :: error
    end type trial_t
 
@@ -190,10 +190,11 @@ contains
       type(combination_t), intent(in) :: combination
       type(experiment_t), intent(in) :: tables(:)
       logical, intent(in) :: by_ratios
-      type(candidate_t), intent(out) :: model
+      type(candidate_t), allocatable, intent(out) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: starts(:, :)
-      type(candidate_t) :: ready, whole
+      type(candidate_t), allocatable :: whole
+      type(candidate_t) :: ready
       integer :: k, range
 
       call set_up(reference, combination, tables, ready)
@@ -203,12 +204,12 @@ contains
       do k = 1, size(starts, 2)
          call try_or_keep(ready, range, starts(:, k), whole, error)
       end do
-      if (.not. allocated(whole%owner)) return
+      if (.not. allocated(whole)) return
       if (allocated(error)) deallocate (error)
       if (by_ratios) then
          call refit_ratios(whole, range, tables, model, error)
       else
-         model = whole
+         call move_alloc(whole, model)
       end if
    end subroutine fit_combination
 
@@ -221,7 +222,7 @@ contains
       type(candidate_t), intent(in) :: model
       integer, intent(in) :: range
       real(wp), intent(in) :: start(:)
-      type(candidate_t), intent(inout) :: best
+      type(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
 
       call try(model, start, best, error)
@@ -231,23 +232,23 @@ contains
    !> Fits a model from given start values, and keeps the fit if it is better than the one so far.
    !>
    !> start  (free) start values
-   !> best   the best fit so far, with `owner`; without it there is none
+   !> best   the best fit so far; not allocated: there is none
    !> error  the fit has failed
    subroutine try(model, start, best, error)
       type(candidate_t), intent(in) :: model
       real(wp), intent(in) :: start(:)
-      type(candidate_t), intent(inout) :: best
+      type(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
-      type(candidate_t) :: trial
+      type(candidate_t), allocatable :: trial
 
-      trial = model
+      call copy(model, trial)
       trial%stages(1)%start = start
       call fit_candidate(trial, error)
       if (allocated(error)) return
-      if (allocated(best%owner)) then
+      if (allocated(best)) then
          if (trial%sum_of_squares() > best%sum_of_squares()) return
       end if
-      best = trial
+      call move_alloc(trial, best)
    end subroutine try
 
    !> Does the same as `try` with the rate or range fixed at its start value. It still counts as
@@ -256,19 +257,27 @@ contains
       type(candidate_t), intent(in) :: model
       integer, intent(in) :: range
       real(wp), intent(in) :: start(:)
-      type(candidate_t), intent(inout) :: best
+      type(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
-      type(candidate_t) :: trial
+      type(candidate_t), allocatable :: trial
       logical :: is_range(size(start))
 
-      trial = model
+      call copy(model, trial)
       is_range = trial%stages(1)%free == range
       trial%stages(1) = trial%stages(1)%without(is_range)
       call set_free_parameter(trial%model%structure, trial%model%excitation, range, &
          start(findloc(is_range, .true., dim=1)))
       call try(trial, pack(start, .not. is_range), best, error)
-      if (allocated(best%owner)) best%owner(range, :) = shared
+      if (allocated(best)) best%owner(range, :) = shared
    end subroutine keep
+
+   !> Copies a model, and its fit if there is one.
+   subroutine copy(model, to)
+      type(candidate_t), intent(in) :: model
+      type(candidate_t), allocatable, intent(out) :: to
+
+      allocate (to, source=model)
+   end subroutine copy
 
    !> Sets up the model of a combination: one stage with the parameters of the combination and all
    !> parameters without damping that the reference has estimated. All other damping of the beam is
@@ -347,17 +356,16 @@ contains
    !> Fits the damping of a model to the damping ratios of the tables alone. All other parameters
    !> keep the values of the fit to all data.
    !>
-   !> whole  the fit to all data
+   !> whole  in: the fit to all data; out: undefined
    !> range  as of `try_or_keep`
-   !> model  without `owner`; on return the fit
+   !> model  the fit; not allocated if it fails
    subroutine refit_ratios(whole, range, tables, model, error)
-      type(candidate_t), intent(in) :: whole
+      type(candidate_t), intent(inout) :: whole
       integer, intent(in) :: range
       type(experiment_t), intent(in) :: tables(:)
-      type(candidate_t), intent(inout) :: model
+      type(candidate_t), allocatable, intent(inout) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: no_weight = 1e12_wp
-      type(candidate_t) :: ready
       type(stage_t) :: stage
       real(wp), allocatable :: start(:)
       integer :: k, r
@@ -368,26 +376,25 @@ contains
             'because damping ratios alone are compared')
          return
       end if
-      ready = whole
       do k = 1, size(whole%fit%free)
-         call set_free_parameter(ready%model%structure, ready%model%excitation, whole%fit%free(k), &
+         call set_free_parameter(whole%model%structure, whole%model%excitation, whole%fit%free(k), &
             whole%fit%fit%estimate(k))
       end do
       stage = stage%without(.not. is_of_damping(stage%free))
       stage%offset = .false.
-      ready%stages = [stage]
-      ready%experiments = tables
-      ready%ignored = 0
+      whole%stages = [stage]
+      whole%experiments = tables
+      whole%ignored = 0
       do r = 1, size(tables)
-         select type (table => ready%experiments(r)%observed)
+         select type (table => whole%experiments(r)%observed)
          type is (modal_table_t)
             table%sd_frequency = no_weight*table%sd_frequency
-            ready%experiments(r)%measured = table%values()
-            ready%ignored = ready%ignored + size(table%mode)
+            whole%experiments(r)%measured = table%values()
+            whole%ignored = whole%ignored + size(table%mode)
          end select
       end do
       start = [(whole%fit%scenario%get(stage%free(k), 0), k=1, size(stage%free))]
-      call try_or_keep(ready, range, start, model, error)
+      call try_or_keep(whole, range, start, model, error)
    end subroutine refit_ratios
 
 end module beamid_damping_models
