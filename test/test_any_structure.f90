@@ -113,7 +113,8 @@ contains
       call s%set(of_x_F, s%length*(0.3_wp + 0.6_wp*uniform()))
    end function strip
 
-   !> No strip is refused on a fine mesh.
+   !> No strip is refused on a fine mesh. In a long run, the strips are as many as it once took to
+   !> find three that were.
    subroutine test_strips(strips)
       integer, intent(in) :: strips
       integer :: number, refused

@@ -57,8 +57,9 @@ contains
    !> Returns the oscillator whose own response is the largest in comparison with its couplings to
    !> the rows of V.
    !>
-   !> The root of an oscillator that is hardly coupled equals its pole to all digits. A distance of
-   !> round-off therefore counts as 0; otherwise a coupled oscillator would be chosen.
+   !> The root of an oscillator that is hardly coupled equals its pole to all digits. If exactly one
+   !> oscillator has a pole within round-off of s, it is therefore the one. (Several have, where the
+   !> slow roots of overdamped modes accumulate.)
    !>
    !> s  [1/time]
    pure integer function largest_response(self, s) result(j)
@@ -66,7 +67,8 @@ contains
       complex(wp), intent(in) :: s
       complex(wp) :: H(self%layout%r, self%layout%r, 2), gap
       real(wp) :: weight(self%layout%r), response, distance, damped, largest, round_off
-      integer :: i, k, l
+      logical :: is_near
+      integer :: i, k, l, near   ! near: oscillator with a pole within round-off; -1: several
 
       damped = 1
       do l = 1, self%oscillators%relaxation%n
@@ -83,22 +85,26 @@ contains
       round_off = 4*epsilon(1.0_wp)*abs(s)
       j = 1
       largest = -1
+      near = 0
       do i = 1, self%layout%n
          response = sum(self%layout%v(:, i)**2*weight)/self%oscillators%m(i)
          distance = 1
+         is_near = .false.
          associate (of => self%oscillators)
             do k = 1, merge(size(of%pole, 2), 2, of%relaxes(i))
                if (k == 3) distance = distance/damped
                gap = s - of%pole(i, k)
-               if (abs(real(gap)) + abs(aimag(gap)) <= round_off) gap = 0
+               is_near = is_near .or. abs(real(gap)) + abs(aimag(gap)) <= round_off
                distance = distance*(real(gap)**2 + aimag(gap)**2)
             end do
          end associate
+         if (is_near) near = merge(i, -1, near == 0)
          response = response**2/max(distance, tiny(1.0_wp))
          if (response <= largest) cycle
          largest = response
          j = i
       end do
+      if (near > 0) j = near
    end function largest_response
 
    !> Computes the vector of a root.

@@ -55,14 +55,17 @@ contains
    !> first      step, > 0, along which J rises by `rise` according to linear theory
    !> side       the profile; a failed fit is noted there
    !> monitor    receives a report of each point
+   !> patience   largest number of evaluations, with a Jacobian each, in the search of one point;
+   !>            default: that of a fit
    subroutine follow_profile(problem, rows, variables, estimate, J_min, k, direction, rise, first, &
-      side, monitor)
+      side, monitor, patience)
       class(smooth_problem_t), intent(inout), target :: problem
       integer, intent(in) :: rows, k, direction
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), J_min, rise, first
       type(side_t), intent(out) :: side
       class(monitor_t), intent(inout), optional :: monitor
+      integer, intent(in), optional :: patience
       integer, parameter :: max_points = 200, max_failures = 8
       type(section_t) :: section
       type(error_t), allocatable :: error
@@ -71,6 +74,7 @@ contains
       integer :: failures, i
 
       call new_section(section, problem, rows, variables, k, J_min, rise)
+      if (present(patience)) section%max_evaluations = patience
       bound = merge(variables(k)%lower, variables(k)%upper, direction < 0)
       limit = farthest*max(abs(estimate(k)), variables(k)%magnitude)
       here = estimate

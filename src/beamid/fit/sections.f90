@@ -21,6 +21,8 @@ module beamid_sections
       real(wp) :: value = 0                                 !< its value
       real(wp) :: J_min = 0                                 !< least sum of squares
       real(wp) :: rise = 1                                  !< of J at the end of the interval
+      !> largest number of evaluations, with a Jacobian each, in one search; 0: that of `options_t`
+      integer :: max_evaluations = 0
    contains
       procedure :: residuals, jacobian, condensed_rows, condensed
    end type section_t
@@ -52,9 +54,7 @@ contains
       distance_of = sqrt(max(0.0_wp, J - section%J_min)/section%rise)
    end function distance_of
 
-   !> Minimises J over all parameters except the fixed one. The start is near the minimum, so that a
-   !> search that does not converge within 300 evaluations (300 Jacobians, if these are differences)
-   !> has lost its way.
+   !> Minimises J over all parameters except the fixed one.
    !>
    !> parameters  (n) on entry the start and the fixed value, on return the minimum
    !> J           least sum of squares
@@ -82,7 +82,8 @@ contains
       end associate
       options%check = .false.
       options%tolerance = 1e-9_wp
-      options%max_evaluations = 300*merge(1, size(others) + 1, section%exact)
+      if (section%max_evaluations > 0) options%max_evaluations = section%max_evaluations &
+         *merge(1, size(others) + 1, section%exact)
       options%rough = present(tolerance)
       if (present(tolerance)) then
          options%tolerance = tolerance

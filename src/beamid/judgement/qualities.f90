@@ -1,5 +1,6 @@
 !> Judges how well a fit explains each of its records, and whether that is enough.
 module beamid_qualities
+   use beamid_distributions, only: chi_square_tail
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_spectra, only: noise_floor
@@ -9,20 +10,18 @@ module beamid_qualities
    implicit none
    private
 
-   public :: quality_t, quality_of, quality_of_lines, describe_misfit
+   public :: quality_t, quality_of, quality_of_lines, describe_misfit, describe_silence
 
    !> How well a fit explains one record.
    type :: quality_t
       integer :: samples = 0          !< number of samples, lines or modes
       character(len=5) :: kind = 'time'   !< kind of the record, as in the case file
       real(wp) :: rms_signal = 0      !< rms of the record about its mean [length/time**2]
+      real(wp) :: mean = 0            !< of the record [length/time**2]
       real(wp) :: rms_residual = 0    !< rms of the residuals [length/time**2]
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
       real(wp) :: noise_sd = 0        !< noise level, corrected for the degrees of freedom
       real(wp) :: effective = 0       !< effective number of samples, < samples if not white
-      !> by how much the fit reduces the sum of squares of the effective samples about their mean,
-      !> in variances of the residuals
-      real(wp) :: gain = 0
       !> white noise that the spectrum of the residuals shows between the motions; equal to
       !> `rms_residual` if the residuals are white or the samples are few
       real(wp) :: floor = 0
@@ -58,7 +57,8 @@ contains
       m = size(residual)
       quality%samples = m
       associate (measured => experiment%measured)
-         quality%rms_signal = sqrt(sum((measured - sum(measured)/m)**2)/m)
+         quality%mean = sum(measured)/m
+         quality%rms_signal = sqrt(sum((measured - quality%mean)**2)/m)
       end associate
       quality%rms_residual = sqrt(sum(residual**2)/m)
       if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
@@ -69,8 +69,6 @@ contains
             *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
       end associate
       quality%effective = effective_samples(residual)
-      quality%gain = quality%effective*(quality%rms_signal**2 - quality%rms_residual**2) &
-         /max(quality%rms_residual**2, tiny(1.0_wp))
       quality%rms_rest = sqrt(sum(rest**2)/m)
       quality%floor = quality%rms_residual
       if (m >= enough .and. .not. fit%check%white) quality%floor = min(quality%floor, &
@@ -113,8 +111,6 @@ contains
    !> Describes the record that the fit explains least, if that is too little; '' otherwise. Too
    !> little is less than `least_percent` if the residuals are not white. If they are, the record
    !> may be nothing but noise: 0 % is enough, but the residuals may not be larger than the record.
-   !> If all records are functions of time, with 50 samples or more, the fit must reduce the sum of
-   !> squares of all together by more than noise would allow.
    subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
@@ -123,8 +119,6 @@ contains
       !> variances of the noise: the right motion and a constant, added to noise, change the sum by
       !> at most a chi-squared variable of two degrees of freedom. Its quantile of 1 - 5e-5.
       real(wp), parameter :: chance = 20
-      !> With fewer samples, the residuals do not tell the noise.
-      integer, parameter :: enough = 50
       real(wp) :: excess(size(qualities))
       integer :: r
 
@@ -136,29 +130,38 @@ contains
             to_text(r)//', and the residuals are not noise'
       else if (any(excess > 0)) then
          text = 'the residuals are larger than record '//to_text(findloc(excess > 0, .true., dim=1))
-      else if (all(qualities%kind == 'time') .and. sum(qualities%samples) >= enough .and. &
-         sum(qualities%gain) < gain_from_noise(sum(qualities%samples), size(fit%free))) then
-         text = 'no record shows the motion of the model above its noise'
       else
          return
       end if
       text = text//': check the start values, the units, and the parameters that are free'
    end subroutine describe_misfit
 
-   !> Returns the largest reduction of the sum of squares, in variances of the noise, that a fit
-   !> finds in records of white noise with a probability of 0.999. A fit to noise reduces the sum by
-   !> a chi-squared variable, and it may choose among as many frequencies as there are samples. The
-   !> quantile is bounded by Laurent and Massart, Ann. Statist. 28, 2000, 1302, Lemma 1.
+   !> Says that the records may be nothing but noise; '' otherwise. A fit to white noise reduces the
+   !> sum of squares by a chi-squared variable, in variances of the noise, and it may choose among
+   !> as many frequencies as there are samples. Only time records are judged, with white residuals,
+   !> and with enough samples to tell the noise.
    !>
-   !> samples     number of samples
-   !> parameters  number of free parameters
-   pure real(wp) function gain_from_noise(samples, parameters)
-      integer, intent(in) :: samples, parameters
-      real(wp), parameter :: probability = 1e-3_wp
-      real(wp) :: x
+   !> means  whether the fit has estimated the means of the records
+   subroutine describe_silence(qualities, fit, means, text)
+      type(quality_t), intent(in) :: qualities(:)
+      type(stage_fit_t), intent(in) :: fit
+      logical, intent(in) :: means
+      character(len=:), allocatable, intent(out) :: text
+      !> Fewest samples, and probability with which noise alone reaches the gain.
+      integer, parameter :: enough = 50
+      real(wp), parameter :: rare = 1e-3_wp
+      real(wp) :: gain, samples
 
-      x = log(samples/probability)
-      gain_from_noise = parameters + 2*sqrt(parameters*x) + 2*x
-   end function gain_from_noise
+      text = ''
+      samples = real(sum(qualities%samples), wp)
+      if (.not. fit%check%white .or. .not. all(qualities%kind == 'time') .or. &
+         samples < enough .or. any(qualities%fit_percent >= least_percent)) return
+      associate (signal => qualities%rms_signal**2 + merge(0.0_wp, qualities%mean**2, means))
+         gain = sum(qualities%samples*(signal/max(qualities%rms_residual**2, tiny(1.0_wp)) - 1))
+      end associate
+      if (samples*chi_square_tail(gain, real(size(fit%quantities), wp)) < rare) return
+      text = 'no record shows the motion of the model above its noise: check value_column, and '// &
+         'the kind and size of the excitation'
+   end subroutine describe_silence
 
 end module beamid_qualities

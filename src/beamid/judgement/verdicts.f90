@@ -9,8 +9,9 @@ module beamid_verdicts
    use beamid_kinds, only: two_pi, wp
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
-   use beamid_parameters, only: parameters
-   use beamid_qualities, only: describe_misfit, quality_of, quality_of_lines, quality_t
+   use beamid_parameters, only: offset, parameters
+   use beamid_qualities, only: describe_misfit, describe_silence, quality_of, quality_of_lines, &
+      quality_t
    use beamid_responses, only: work_t
    use beamid_sightings, only: find_lines_left, find_missed_modes, modes_in_record, sighting_t
    use beamid_stage_fits, only: stage_fit_t
@@ -119,6 +120,8 @@ contains
       call judge_lines(verdict)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
+      if (verdict%no_fit == '') call describe_silence(verdict%qualities, fit, &
+         any(fit%quantities%parameter == offset), verdict%no_fit)
 
    contains
 

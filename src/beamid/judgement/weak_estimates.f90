@@ -32,6 +32,9 @@ module beamid_weak_estimates
    !> Relative extension of an interval that is worth a note, and relative error of the ends of
    !> profiles.
    real(wp), parameter :: noted = 0.2_wp, close = 0.02_wp
+   !> Evaluations after which a search for one point of a profile gives up. The start is near the
+   !> minimum; a search that needs more creeps along a bound.
+   integer, parameter :: patience = 300
 
 contains
 
@@ -95,7 +98,7 @@ contains
             level = covered/max(s%std_error(:size(level)), tiny(1.0_wp))
             call follow_profile(problem, problem%rows(), variables, found%fit%estimate, &
                sum(found%fit%residual**2), k, direction, s%variance*level(k)**2, covered(k), side, &
-               monitor)
+               monitor, patience)
             if (side%state == is_open) then
                is_endless = is_endless .or. abs(side%parameters(:, size(side%J)) &
                   - found%fit%estimate) > covered

@@ -128,8 +128,8 @@ contains
       end do
       if (any(widened)) call text%line('not determined: the errors of fixed parameters, or a '// &
          'drift, make the interval wider than the value: '//listed(pack(names, widened), ', ')// &
-         '. Linear theory may exaggerate it: free a fixed length or position, keep its &prior, '// &
-         'and run `beamid profile`')
+         '. Linear theory may exaggerate it: if the length or a position has a &prior, add it '// &
+         'to free, keep the prior, and run `beamid profile`')
       ! Free decays and natural frequencies have no force as a scale, so that E follows the mass.
       if (.not. all(fit%scenario%excitations%modes > 0 .or. case%recordings%kind == 'modes') .or. &
          any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
