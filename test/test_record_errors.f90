@@ -34,6 +34,7 @@ program test_record_errors
       call test_noise_alone()
       call test_hum()
       call test_dying_motion()
+      call test_moved_base()
       call close_shell()
    end if
    call finish('record_errors')
@@ -228,5 +229,40 @@ contains
       end do
       call check('dying motions', accused <= 2, to_text(accused))
    end subroutine test_dying_motion
+
+   !> Motion by a moved base, with a density in the case that is 5 % too small. Only ratios to the
+   !> mass count, if the sensor has none: E, c_D and gamma follow the density, and the summary says
+   !> that no interval includes this.
+   subroutine test_moved_base()
+      character(len=*), parameter :: base = '&excitation kind=''base'', file=''base.csv'' /'//nl
+      character(len=:), allocatable :: bare, text
+      character(len=60) :: row
+      type(outcome_t) :: outcome
+      type(answer_t) :: answer
+      integer :: k
+
+      text = 't,a'//nl
+      do k = 0, 200
+         write (row, '(es23.16, a, es23.16)') 0.01_wp*k, ',', sin(3.0_wp*k)
+         text = text//trim(row)//nl
+      end do
+      call write_file('base.csv', text)
+      bare = replaced(beam, 'm_S=0.005', 'm_S=0')
+      call write_file('truth.nml', bare//base//'&noise sd=0.001 /'//nl//'&record t_first=0.002, '// &
+         't_last=2, t_step=0.002 /'//nl)
+      outcome = beamid('simulate truth.nml --quiet --out truth')
+      call check('a moved base: a record', outcome%status == 0, outcome%err)
+      call write_file('r.csv', read_file('truth/record.csv'))
+      answer = identified(replaced(bare, 'density=2700', 'density=2565')//base// &
+         '&record file=''r.csv'' /'//nl//stage)
+      call check('a moved base: accepted', answer%status == 0, answer%err)
+      do k = 1, size(names)
+         ! The noise of this record moves c_D and gamma by less than 0.5 %.
+         call check_close('a moved base: '//trim(names(k)), number(answer%estimate( &
+            trim(names(k)), 'estimate'))/truth(k), 0.95_wp, 0.01_wp)
+      end do
+      call check('a moved base: said', index(answer%out, 'mass that the model lacks') > 0, &
+         answer%out)
+   end subroutine test_moved_base
 
 end program test_record_errors

@@ -130,9 +130,12 @@ contains
          'drift, make the interval wider than the value: '//listed(pack(names, widened), ', ')// &
          '. Linear theory may exaggerate it: if the length or a position has a &prior, add it '// &
          'to free, keep the prior, and run `beamid profile`')
-      ! Free decays and natural frequencies have no force as a scale, so that E follows the mass.
-      if (.not. all(fit%scenario%excitations%modes > 0 .or. case%recordings%kind == 'modes') .or. &
-         any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
+      ! Free decays, natural frequencies and motions by a moved base have no force as a scale, so
+      ! that E follows the mass.
+      associate (drives => fit%scenario%excitations)
+         if (.not. all(drives%modes > 0 .or. drives%is_base .or. case%recordings%kind == 'modes') &
+            .or. any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
+      end associate
       if (any(fit%free == of_E)) call text%line( &
          'not in these intervals: a clamp that yields, and mass that the model lacks. To find '// &
          'them, record the beam at a second free length or sensor position, and weigh it')
