@@ -248,8 +248,8 @@ contains
       end do
       call write_file('base.csv', text)
       bare = replaced(beam, 'm_S=0.005', 'm_S=0')
-      call write_file('truth.nml', bare//base//'&noise sd=0.001 /'//nl//'&record t_first=0.002, '// &
-         't_last=2, t_step=0.002 /'//nl)
+      call write_file('truth.nml', bare//base//'&noise sd=0.001 /'//nl// &
+         '&record t_first=0.002, t_last=2, t_step=0.002 /'//nl)
       outcome = beamid('simulate truth.nml --quiet --out truth')
       call check('a moved base: a record', outcome%status == 0, outcome%err)
       call write_file('r.csv', read_file('truth/record.csv'))

@@ -19,7 +19,8 @@ contains
    !>
    !> t        (m) sample times, ascending [time]
    !> z        (m) values in any unit
-   !> highest  highest frequency to search, limited to half the mean sampling rate [1/time]
+   !> highest  highest frequency to search, limited to half the mean sampling rate [1/time]; 0, as
+   !>          of a model without oscillating modes: no line is found
    !> most     largest number of lines
    subroutine find_lines(t, z, highest, most, lines)
       real(wp), intent(in) :: t(:), z(:), highest
@@ -32,7 +33,7 @@ contains
       integer :: k
 
       allocate (lines(0), rejected(0))
-      if (size(t) < 8) return
+      if (size(t) < 8 .or. .not. highest > 0) return
       call condense(t, z, highest, times, values)
       if (size(times) < 8) return
       span = times(size(times)) - times(1)
