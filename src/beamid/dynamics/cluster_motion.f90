@@ -51,18 +51,13 @@ contains
 
       if (.not. same) then
          n = size(self%x)
-         ! x, f and df/dt are one linear system: the matrix of e**(B step), and at n + 1 and n + 2
-         ! the columns of the forces.
-         a = 0
-         a(:n, :n) = generator(cluster, n)
-         a(cluster%m, n + 1) = 1
-         a(n + 1, n + 2) = 1
          if (cluster%is_origin) then
-            if (.not. allocated(self%powers)) self%powers = nilpotent_powers(a)
+            if (.not. allocated(self%powers)) self%powers = nilpotent_powers(driven(cluster, n))
             a = polynomial(self%powers, step)
             self%growth = a(:n, :n)
             self%drive = a(:n, n + 1:)
          else
+            a = driven(cluster, n)
             self%growth = exponential(step*a(:n, :n), cluster%centre%s*step)
             ! Here for x/step, f and slope*step.
             a(:n, :n) = step*(a(:n, :n) + cluster%centre%s*identity(n))
@@ -114,6 +109,21 @@ contains
          end if
       end do
    end function generator
+
+   !> Returns the matrix of the linear system of the states, f and df/dt, (n + 2, n + 2): B - c I,
+   !> and at n + 1 and n + 2 the columns of the forces.
+   !>
+   !> n  number of states, m or 2 m
+   pure function driven(cluster, n) result(a)
+      type(cluster_t), intent(in) :: cluster
+      integer, intent(in) :: n
+      complex(wp) :: a(n + 2, n + 2)
+
+      a = 0
+      a(:n, :n) = generator(cluster, n)
+      a(cluster%m, n + 1) = 1
+      a(n + 1, n + 2) = 1
+   end function driven
 
    !> Returns a**k/k! for k = 0 to n - 1, (n, n, 0:n - 1); a**n is 0.
    pure function nilpotent_powers(a) result(powers)
