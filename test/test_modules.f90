@@ -24,6 +24,19 @@ program test_modules
       'report: support model discretization dynamics fit problem identification judgement '// &
          'inference case workflows', &
       'paper: support model discretization dynamics problem identification']
+   !> Rooms whose procedures run in threads, and their modules with functions whose result is text of
+   !> deferred length. gfortran keeps this length in static memory, so that no thread may call them:
+   !> they write units, sentences for reports, and messages about input.
+   character(len=*), parameter :: rooms = 'model discretization dynamics fit problem starts '// &
+      'identification judgement'
+   character(len=*), parameter :: with_texts(*) = [character(len=80) :: &
+      'fit/undetermined_directions.f90', 'judgement/score_tests.f90', 'judgement/verdicts.f90', &
+      'judgement/weak_estimates.f90', 'model/mechanisms.f90', 'model/parameter_names.f90', &
+      'model/units.f90', 'problem/frequency_responses.f90', 'problem/modal_tables.f90', &
+      'problem/observed_data.f90']
+   character(len=*), parameter :: deferred_result = "'(?s)function (?:\w+\([^)]*\)[ &\n]*"// &
+      "result\((\w+)\)|(\w+)\([^)]*\))\n(?:(?!end function).)*?"// &
+      "character\(len=:\), allocatable :: [^\n]*\b(?:\1|\2)\b'"
    character(len=*), parameter :: scratch = 'build/test_modules.txt'
    character(len=80), allocatable :: uses(:, :), files(:), lines(:)
    character(len=80) :: word
@@ -61,6 +74,13 @@ program test_modules
    call check('only the command line prints and stops', size(lines) == 0)
    do k = 1, size(lines)
       call check(trim(lines(k)), .false.)
+   end do
+   call search('-lPz '//deferred_result//' src/beamid/support/strings.f90 $(printf '// &
+      '"src/beamid/%s " '//rooms//')', lines)
+   call check('functions with text of deferred length are found', size(lines) > 0)
+   do k = 1, size(lines)
+      call check(trim(lines(k))//' has no function for threads whose text has a deferred length', &
+         any(lines(k) == with_texts))
    end do
    call finish('modules')
 

@@ -240,10 +240,10 @@ contains
             ! threads.
             progress => progress_of_call()
             call add_mesh_shifts(outcome%case, outcome%found, error, progress)
-            if (.not. allocated(error)) call add_score_tests(outcome%case, outcome%found, error)
             call end_progress(progress)
             !$omp critical (texts_of_beamid)
             if (.not. allocated(error)) call judge_case(outcome%case, outcome%found, error)
+            if (.not. allocated(error)) call add_score_tests(outcome%case, outcome%found, error)
             if (.not. allocated(error)) call report_fit(outcome%case, outcome%found, tables, &
                summary, error, modes)
             call check_interrupt(error)

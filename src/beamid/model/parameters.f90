@@ -214,10 +214,10 @@ contains
    !> Returns the key of parameter k in the case file.
    pure function key_of(k) result(key)
       integer, intent(in) :: k
-      character(len=:), allocatable :: key
+      character(len=len_trim(merge(parameters(k)%key, parameters(k)%name, parameters(k)%key /= &
+         ''))) :: key
 
-      key = trim(parameters(k)%name)
-      if (parameters(k)%key /= '') key = trim(parameters(k)%key)
+      key = merge(parameters(k)%key, parameters(k)%name, parameters(k)%key /= '')
    end function key_of
 
    !> Returns the number of the first parameter of a name (in any case) that a fit may estimate, or

@@ -15,9 +15,10 @@ module beamid_strings
       character(len=:), allocatable :: text
    end type string_t
 
-   !> Returns a number as short as possible: `0.04`, `1.5E+09`, `12`. The results have explicit
-   !> lengths, because gfortran keeps the length of a deferred-length result in static memory, which
-   !> threads share.
+   ! The results of all functions here have explicit lengths, because gfortran keeps the length of a
+   ! deferred-length result in static memory, which threads share.
+
+   !> Returns a number as short as possible: `0.04`, `1.5E+09`, `12`.
    interface to_text
       module procedure :: integer_to_text
       module procedure :: long_to_text
@@ -137,26 +138,40 @@ contains
       text = short_form(value)
    end function real_to_text
 
+   !> Returns the number that is nearest to `value` among those with `digits` significant digits.
+   pure real(wp) function nearest_decimal(value, digits) result(near)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: digits
+      character(len=40) :: buffer, form
+
+      near = value
+      if (.not. abs(value) <= huge(value)) return
+      write (form, '(a,i0,a)') '(es30.', digits - 1, 'e3)'
+      write (buffer, form) value
+      read (buffer, *) near
+   end function nearest_decimal
+
    !> Returns a number rounded to at most `digits` significant digits, as short as possible.
    pure function rounded(value, digits) result(text)
       real(wp), intent(in) :: value
       integer, intent(in) :: digits
-      character(len=:), allocatable :: text
-      character(len=40) :: buffer, form
-      real(wp) :: near
+      character(len=len_trim(short_form(nearest_decimal(value, digits)))) :: text
 
-      text = to_text(value)
-      if (abs(value) > huge(value)) return
-      write (form, '(a,i0,a)') '(es30.', digits - 1, 'e3)'
-      write (buffer, form) value
-      read (buffer, *) near
-      text = to_text(near)
+      text = short_form(nearest_decimal(value, digits))
    end function rounded
+
+   !> Returns the number of characters of a number with full precision.
+   pure integer function length_of(value) result(length)
+      real(wp), intent(in) :: value
+      character(len=full_length) :: buffer
+
+      call put_full(value, buffer, length)
+   end function length_of
 
    !> Returns a number with full precision: its text reads back as the same number.
    pure function full(value) result(text)
       real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
+      character(len=length_of(value)) :: text
       character(len=full_length) :: buffer
       integer :: length
 
