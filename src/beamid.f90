@@ -21,7 +21,9 @@
 !>     stage%free = [free_index('E'), free_index('c_D')]
 !>     call identify(model, mesh_t(elements=16), [stage], t, acceleration, fits, error)
 !>     if (allocated(error)) error stop error%message
-!>     print *, fits(1)%fit%estimate, fits(1)%statistics%half_width
+!>     print *, fits(1)%quantities%value
+!>
+!> `identify` only searches; `new_verdict` tells whether the model explains the record.
 module beamid
    use beamid_boxes, only: box_t
    use beamid_cases, only: case_t, load_experiments, measured_samples, needs_fit, &
@@ -52,9 +54,11 @@ module beamid
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_structure_checks, only: check_structure
    use beamid_structure, only: end_t, free_end, hose_t, mass_t, sensor_t, structure_t, support_t
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
+   use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
    public

@@ -24,9 +24,9 @@ program test_modules
       'report: support model discretization dynamics fit problem identification judgement '// &
          'inference case workflows', &
       'paper: support model discretization dynamics problem identification']
-   !> Rooms whose procedures run in threads, and their modules with functions whose result is text of
-   !> deferred length. gfortran keeps this length in static memory, so that no thread may call them:
-   !> they write units, sentences for reports, and messages about input.
+   !> Rooms whose procedures run in threads, and their modules with functions whose result is text
+   !> of deferred length. gfortran keeps this length in static memory, so that no thread may call
+   !> them: they write units, sentences for reports, and messages about input.
    character(len=*), parameter :: rooms = 'model discretization dynamics fit problem starts '// &
       'identification judgement'
    character(len=*), parameter :: with_texts(*) = [character(len=80) :: &

@@ -1,7 +1,8 @@
-!> Spectral lines that the fitted model cannot explain, parameters that no mode separates, and the
-!> level of the test for constant parameters.
+!> Spectral lines that the fitted model cannot explain, first samples that do not fit, parameters
+!> that no mode separates, and the level of the test for constant parameters.
 program test_unexplained_lines
    use beamid_drifts, only: drift_t, find_drifts
+   use beamid_early_residuals, only: end_of_early_residuals
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
@@ -26,6 +27,8 @@ program test_unexplained_lines
    call test_named_lines()
    call test_perfect()
    call test_amplitude()
+   call test_early()
+   call test_blocks()
    call test_density()
    call test_noise_floor()
    call finish('unexplained_lines')
@@ -110,11 +113,13 @@ contains
       do k = 1, records
          call judge(0.0_wp, 1.0_wp, 200 + k, .false., fit, verdict, experiment)
          if (.not. allocated(fit%free)) return
-         if (any(verdict%sightings%mode == 0) .or. verdict%departures /= '') lines = lines + 1
+         if (any(verdict%sightings%mode == 0) .or. verdict%departures /= '' .or. &
+            verdict%early /= '') lines = lines + 1
          call find_drifts([experiment], 4, fit, drift)
          if (any(drift%is_significant)) alarms = alarms + 1
       end do
-      call check('perfect records: no line without a mode', lines == 0, to_text(lines))
+      call check('perfect records: no line without a mode, no early residuals', lines == 0, &
+         to_text(lines))
       call check('perfect records: hardly any drift', alarms <= 2, to_text(alarms)//' of 40')
    end subroutine test_perfect
 
@@ -131,6 +136,57 @@ contains
       call check('damping by amplitude: accepted', verdict%no_fit == '', verdict%no_fit)
       call check('damping by amplitude: no line without a mode', all(verdict%sightings%mode > 0))
    end subroutine test_amplitude
+
+   !> A record that begins at the release holds mode 3, which the fit lacks. The first lines say
+   !> when to begin. A fit from there on has nothing to say.
+   subroutine test_early()
+      type(stage_fit_t) :: fit
+      type(verdict_t) :: verdict
+      real(wp) :: begin
+
+      call judge(0.0_wp, 1.0_wp, 41, .false., fit, verdict, begin=0.0_wp)
+      if (.not. allocated(fit%free)) return
+      call check('mode 3 at the beginning: found', index(verdict%early, 'until t = ') == 1, &
+         verdict%early)
+      if (verdict%early == '') return
+      call check('mode 3 at the beginning: no parameter is determined', verdict%caution /= '')
+      read (verdict%early(len('until t = ') + 1:), *) begin
+      call judge(0.0_wp, 1.0_wp, 41, .false., fit, verdict, begin=begin)
+      if (.not. allocated(fit%free)) return
+      call check('mode 3 left out: nothing is found', verdict%early == '' .and. &
+         verdict%caution == '', verdict%early//verdict%caution)
+   end subroutine test_early
+
+   !> Residuals that follow the motion, as those of a damping or stiffness that depends on the
+   !> amplitude do, are no early residuals, whatever power of it they follow. Those of another mode
+   !> end when it has fallen to a tenth.
+   subroutine test_blocks()
+      integer, parameter :: m = 4000
+      real(wp), parameter :: rates(3) = [0.2_wp, 1.0_wp, 5.0_wp]
+      real(wp) :: t(m), z(m), noise(m), ratio
+      integer :: first, k, power
+
+      t = step*[(k, k=0, m - 1)]
+      noise = gaussian_noise(m, 1e-3_wp, 8)
+      call end_of_early_residuals(cos(30*t), noise, first, ratio)
+      call check('noise is not early', first == 0)
+      do k = 1, size(rates)
+         z = exp(-rates(k)*t)*cos(30*t)
+         do power = 1, 3
+            call end_of_early_residuals(z + noise, noise + 0.1_wp*exp(-power*rates(k)*t)* &
+               cos(30*t), first, ratio)
+            call check('residuals follow the motion, power '//to_text(power), first == 0, &
+               to_text(rates(k)))
+         end do
+      end do
+      z = exp(-0.2_wp*t)*cos(30*t)
+      call end_of_early_residuals(z + noise, 0.1_wp*exp(-15*t)*cos(170*t) + noise, first, ratio)
+      ! exp(-15 t) is .1 at .15 s, and a block has .08 s. The mean square of the blocks up to there
+      ! is .1**2/2 (1 - exp(-30 .16))/(30 .16), some 32**2 times that of the noise.
+      call check('another mode: its end', first > 0.15_wp/step .and. first < 0.33_wp/step, &
+         to_text(first))
+      call check('another mode: its size', ratio > 20 .and. ratio < 35, to_text(ratio))
+   end subroutine test_blocks
 
    !> E and rho together are not separable by any number of modes: rho stays fixed, and both modes
    !> are still seen.
@@ -168,24 +224,28 @@ contains
    !> tone        its frequency [1/time]
    !> density     whether rho is free beside E
    !> excess      share by which the motion finally decays further than at a constant rate
+   !> begin       first time [time]; default: when two modes are left
    !> fit         `free` is not allocated if the fit fails
-   subroutine judge(share, tone, seed, density, fit, verdict, record, excess)
+   subroutine judge(share, tone, seed, density, fit, verdict, record, excess, begin)
       real(wp), intent(in) :: share, tone
       integer, intent(in) :: seed
       logical, intent(in) :: density
       type(stage_fit_t), intent(out) :: fit
       type(verdict_t), intent(out) :: verdict
       type(experiment_t), intent(out), optional :: record
-      real(wp), intent(in), optional :: excess
+      real(wp), intent(in), optional :: excess, begin
       type(experiment_t) :: experiment
+      real(wp) :: first
       type(model_t) :: model
       type(stage_t) :: stage
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
       integer :: k
 
+      first = 0.5_wp
+      if (present(begin)) first = begin
       experiment = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), &
-         0.5_wp + step*[(k, k=1, samples)])
+         first + step*[(k, k=1, samples)])
       experiment%excitation = new_free(2)
       if (present(excess)) experiment%measured = experiment%measured/(1 + excess*(1 - &
          exp(-(experiment%samples - experiment%samples(1)))))

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: A case that is given as a whole.
 Case = Union[str, "PathLike[str]", Problem, Fit]
+#: Groups that describe the structure.
+STRUCTURE = {"beam", "tip", "mass", "hose", "sensor", "support", "end", "gravity", "axial", "along"}
 #: Groups that only a fit needs.
 OF_FITS = ("stage", "prior", "score", "multistart", "windows", "sample", "bootstrap")
 
@@ -466,7 +468,9 @@ def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handl
         changes = {name: value for name, value in keys.items() if value is not None}
         if not changes and not isinstance(case, Fit):
             return _opened(case)
-        left_out = OF_FITS if isinstance(case, Fit) and not fits else ()
+        # Records belong to the structure that was measured: another one is not fitted to them.
+        is_given = isinstance(case, Fit) or not STRUCTURE.isdisjoint(changes)
+        left_out = OF_FITS if is_given and not fits else ()
         path, text, held = changed_case(case, changes, grid=True, left_out=left_out)
         with without_lines(path):
             return open_case(path, text, held, fits=False)
@@ -541,8 +545,8 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
           **other: Any) -> Modes:
     """Compute the natural modes of a structure, as the command `modes` does.
 
-    If the case can be fitted, `Modes.tables` also has the modes of the fitted structure with their
-    intervals, `modes_fitted.csv`.
+    If the case can be fitted and its structure is not changed here, `Modes.tables` also has the
+    modes of the fitted structure with their intervals, `modes_fitted.csv`.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
     `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`;
@@ -590,7 +594,8 @@ def frf(case: Case | None = None, *, record: Groups = None,
         units: Group = None, progress: Progress | None = None, **other: Any) -> FrequencyResponse:
     """Compute the frequency response of a structure, as the command `frf` does.
 
-    If the case can be fitted, it is the response of the fitted structure, with its 95 % band.
+    If the case can be fitted and its structure is not changed here, it is the response of the
+    fitted structure, with its 95 % band.
 
     The other arguments are those of `Problem`, which describes them with their units: `free`,
     `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `mass`, `hose`, `sensor`,

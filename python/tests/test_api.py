@@ -120,6 +120,18 @@ def test_modes_are_those_of_the_program(program, tmp_path):
                                atol=1e-15)
 
 
+def test_modes_of_a_changed_structure_are_not_fitted():
+    """The record belongs to the structure that was measured: with another tip mass, the modes are
+    those of the values that are given."""
+    problem = beamid.load(NOISY)
+    assert "modes_fitted.csv" in beamid.modes(problem).tables
+    found = beamid.modes(problem, tip=dict(m_T=0.3))
+    assert "modes_fitted.csv" not in found.tables
+    assert found.frequencies[0] < beamid.modes(problem).frequencies[0]
+    band = beamid.frf(problem, tip=dict(m_T=0.3), record=dict(f_first=0.1, f_last=1, f_step=0.1))
+    assert "magnitude_lower95" not in band.tables["frf.csv"].splitlines()[0].split(",")
+
+
 def test_modes_of_a_bare_beam():
     """Frequencies and shapes of a clamped beam from its characteristic equation, by scipy. The mesh
     of 32 elements of degree 5 is exact to 1e-9 for the first three modes."""

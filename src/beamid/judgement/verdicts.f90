@@ -1,6 +1,7 @@
 !> Judges a fit: the share of each record that it explains, which modes the records show, and
 !> whether a parameter is determined only by modes that no record shows.
 module beamid_verdicts
+   use beamid_early_residuals, only: describe_early_residuals
    use beamid_equations, only: new_equations, equations_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
@@ -30,6 +31,8 @@ module beamid_verdicts
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
+      !> until when a record contains more than the modes of the fit; '': no record does
+      character(len=:), allocatable :: early
       !> modes at whose frequencies the fit leaves a spectral line, as lists; '': none. missed: the
       !> record shows a decaying oscillation of another frequency or rate than the model.
       !> departures: all others
@@ -115,6 +118,9 @@ contains
          if (size(limits) == 1) verdict%caution = verdict%caution//'the record'
          if (size(limits) > 1) verdict%caution = verdict%caution//'record '//to_text(r)
       end if
+      call describe_early_residuals(experiments, fit%residual, verdict%early)
+      if (verdict%caution == '' .and. verdict%early /= '') verdict%caution = &
+         'the first samples of a record do not fit'
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)

@@ -5,6 +5,7 @@ module beamid_simulation
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: coarsest, finest, galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
+   use beamid_model_checks, only: check_model, check_times
    use beamid_modes, only: undamped_modes
    use beamid_observation, only: new_sampling, observation_t, sampling_t
    use beamid_priors, only: prior_t
@@ -41,7 +42,8 @@ contains
    !> Computes the response and the observed acceleration at given times.
    !>
    !> samples  (m) ascending [time]
-   !> error    the solver cannot compute the response
+   !> error    a model or times from which nothing can be computed; the solver cannot compute the
+   !>          response
    subroutine simulate(model, mesh, samples, simulation, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -56,6 +58,9 @@ contains
       type(response_t) :: at_points
       class(solver_t), allocatable :: solver
 
+      call check_model(model%structure, model%solver, model%excitation, error)
+      if (.not. allocated(error)) call check_times(samples, '', error)
+      if (allocated(error)) return
       excitation = model%excitation
       structure = model%structure
       if (allocated(excitation%x_F)) structure%x_F = excitation%x_F

@@ -113,7 +113,7 @@ contains
                end if
             else
                states = is_open
-               ends = [-2*unlimited, 2*unlimited]
+               ends = [merge(0.0_wp, -2*unlimited, q%is_reciprocal()), 2*unlimited]
             end if
             call append_interval(list, 'linear', fit, q, units, q%searched, ends, states)
          end associate
@@ -255,10 +255,12 @@ contains
       do k = 1, size(fit%free)
          call compare_methods(list, fit, k, text)
       end do
+      call add_mesh_line(text, fit)
       if (.not. allocated(fit%held)) return
       if (size(fit%held) == 0) return
       call text%line('these intervals do not include the errors of fixed parameters ('// &
-         listed(fit%held%name, ', ')//'); the total intervals of identify do')
+         listed(fit%held%name, ', ')//'). The total intervals of identify do. A length or a '// &
+         'position that is free and keeps its &prior counts here, too')
 
    contains
 
@@ -275,7 +277,7 @@ contains
          associate (i => list(at))
             digits = 3
             if (i%upper > i%lower .and. i%upper < unlimited .and. i%lower > -unlimited) &
-               digits = min(5, max(3, 2 + ceiling(log10(max(abs(i%lower), abs(i%upper)) &
+               digits = min(6, max(3, 2 + ceiling(log10(max(abs(i%lower), abs(i%upper)) &
                /(i%upper - i%lower)))))
             field = shown(i%lower, i%ends(1), digits)//' to '//shown(i%upper, i%ends(2), digits)
          end associate
@@ -294,6 +296,26 @@ contains
       end function shown
 
    end subroutine interval_summary
+
+   !> Says that a finer mesh would move an interval of noise alone by a good part of its half width.
+   !> The mesh of a fit is chosen by its total intervals, which may be much wider.
+   subroutine add_mesh_line(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), parameter :: good_part = 0.25_wp
+      real(wp), allocatable :: shifts(:)
+      integer :: k
+
+      if (.not. allocated(fit%mesh_shift)) return
+      associate (half => fit%statistics%corrected_half_width(:size(fit%free)))
+         shifts = abs(fit%mesh_shift(:size(half)))/max(half, tiny(half))
+      end associate
+      k = maxloc(shifts, dim=1)
+      if (size(shifts) > 0 .and. any(shifts > good_part)) call text%line( &
+         'these intervals do not include the error of the mesh: a finer mesh than N = '// &
+         to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '//rounded(shifts(k), 2)// &
+         ' times the half width of linear theory. Set a larger number of elements')
+   end subroutine add_mesh_line
 
    !> Returns the place in the list of a method's interval of parameter k; 0: none.
    pure integer function place(list, fit, k, method)

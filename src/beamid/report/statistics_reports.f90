@@ -89,7 +89,8 @@ contains
       logical, intent(in) :: is_last
       character(len=:), allocatable :: condition, line
       character(len=512), allocatable :: sentences(:)
-      integer :: k
+      logical, allocatable :: is_wide(:), is_left(:)
+      integer :: k, n
 
       associate (s => fit%statistics)
          condition = 'unlimited'
@@ -106,8 +107,15 @@ contains
             if (is_last) line = determination(fit, verdict)
             if (line /= '') call text%line(line)
          else if (size(sentences) == 0 .and. verdict%caution == '') then
-            call text%line('not determined, because the interval is wider than the value: '// &
-               listed(pack(names, .not. s%determined), ', '))
+            is_wide = .not. s%determined .and. s%half_width >= abs([fit%quantities%value])
+            if (any(is_wide)) call text%line('not determined, because the interval is wider '// &
+               'than the value: '//listed(pack(names, is_wide), ', '))
+            n = size(fit%free)
+            is_left = .not. s%determined(:n) .and. .not. is_wide(:n)
+            if (allocated(fit%reach)) is_left = is_left .and. any(fit%reach > 0, dim=1)
+            if (allocated(fit%reach) .and. any(is_left)) call text%line('not determined, '// &
+               'because another explanation of the records, named above, moves the estimate '// &
+               'out of its interval: '//listed(pack(names(:n), is_left), ', '))
          end if
       end associate
    end subroutine add_determination

@@ -72,7 +72,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: frequencies(:)
       real(wp) :: line, nyquist
-      integer :: modes, r
+      integer :: mode, modes, r
 
       do r = 1, size(experiments)
          associate (experiment => experiments(r))
@@ -90,12 +90,20 @@ contains
                   cause(experiment%samples, frequencies(1)/nyquist))
                return
             end if
-            if (frequencies(modes) > nyquist) call add_note(notes, 'record '//to_text(r)// &
-               ': the model''s mode '//to_text(findloc(frequencies > nyquist, .true., dim=1))// &
-               ' lies above the Nyquist frequency '//with_unit(nyquist, case))
+            mode = findloc(frequencies > nyquist, .true., dim=1)
+            if (mode > 0) call add_note(notes, 'record '//to_text(r)//': the model''s mode '// &
+               to_text(mode)//' lies above the Nyquist frequency '//with_unit(nyquist, case)// &
+               '; its samples look like '//with_unit(folded(frequencies(mode), nyquist), case))
          end associate
       end do
    end subroutine check_input
+
+   !> Returns the frequency below the Nyquist frequency whose samples are the same.
+   pure real(wp) function folded(frequency, nyquist)
+      real(wp), intent(in) :: frequency, nyquist
+
+      folded = abs(frequency - 2*nyquist*anint(frequency/(2*nyquist)))
+   end function folded
 
    !> Returns a frequency with its unit.
    function with_unit(frequency, case) result(text)

@@ -1,0 +1,101 @@
+!> Finds free decays whose first samples do not fit, because modes that the fit lacks have not died
+!> out there.
+module beamid_early_residuals
+   use beamid_experiments, only: experiment_t
+   use beamid_kinds, only: wp
+   use beamid_sorting, only: median
+   use beamid_strings, only: rounded, to_text
+   implicit none
+   private
+
+   public :: describe_early_residuals, end_of_early_residuals
+
+contains
+
+   !> Describes the first record whose residuals are much larger in its first samples; '' if there
+   !> is none.
+   !>
+   !> experiments  (records)
+   !> residual     rows of the residuals of all records, one record after the other
+   subroutine describe_early_residuals(experiments, residual, text)
+      type(experiment_t), intent(in) :: experiments(:)
+      real(wp), intent(in) :: residual(:)
+      character(len=:), allocatable, intent(out) :: text
+      real(wp) :: ratio
+      integer :: first, k, r
+
+      text = ''
+      first = 0
+      do r = 1, size(experiments)
+         associate (m => size(experiments(r)%measured))
+            k = 0
+            if (experiments(r)%excitation%modes > 0 .and. size(experiments(r)%samples) == m) &
+               call end_of_early_residuals(experiments(r)%measured, residual(first + 1:first + m), &
+               k, ratio)
+            if (k > 0) then
+               text = to_text(experiments(r)%samples(k))
+               text = 'until t = '//text//' the residuals of record '//to_text(r)//' are '// &
+                  rounded(ratio, 2)//' times as large as later, as if it held modes there that '// &
+                  'the fit lacks: begin later (t_first='//text//') before you follow other advice'
+               return
+            end if
+            first = first + m
+         end associate
+      end do
+   end subroutine describe_early_residuals
+
+   !> Finds the sample from which on the residuals of a free decay have their later size.
+   !>
+   !> The record is divided into short blocks. Its first blocks are conspicuous if
+   !> - the residuals of the first one are five times as large as the median of the second half of
+   !>   the record, and those of the others three times, and a tenth of those of the first one;
+   !> - they are at most a quarter of the record, and hold a fifth of the sum of squares;
+   !> - the residuals fall three times as much behind them as the cube of the motion does.
+   !>   (Residuals that follow a power of the motion are errors of a model whose damping or
+   !>   stiffness is constant.) The motion has begun before: a quiet lead-in is another mistake.
+   !> White noise never does this, because a block has at least 16 samples. The residuals behind the
+   !> first blocks may still be large, because the fit tries to explain all of them; a second fit
+   !> that begins there is judged again.
+   !>
+   !> z         (m) measured [length/time**2]
+   !> residual  (m) [length/time**2]
+   !> first     the sample behind the conspicuous ones; 0: there are none
+   !> ratio     of the residuals before it to those of the second half, as root mean squares
+   subroutine end_of_early_residuals(z, residual, first, ratio)
+      real(wp), intent(in) :: z(:), residual(:)
+      integer, intent(out) :: first
+      real(wp), intent(out) :: ratio
+      integer, parameter :: most_blocks = 256, least_samples = 16, least_blocks = 12
+      !> Squares of the ratios above.
+      real(wp), parameter :: large = 9, largest = 25, faster = 9, fallen = 0.01_wp
+      real(wp), parameter :: least_share = 0.2_wp, quiet = 0.5_wp
+      real(wp), allocatable :: of_residual(:), of_motion(:)
+      real(wp) :: level, before, after, fall, mean
+      integer :: length, k, n, next
+
+      first = 0
+      ratio = 1
+      length = max(least_samples, size(z)/most_blocks)
+      n = size(z)/length
+      if (n < least_blocks) return
+      mean = sum(z)/size(z)
+      allocate (of_residual(n), of_motion(n))
+      do k = 1, n
+         of_residual(k) = sum(residual((k - 1)*length + 1:k*length)**2)/length
+         of_motion(k) = maxval(abs(z((k - 1)*length + 1:k*length) - mean))
+      end do
+      level = median(of_residual(n/2 + 1:))
+      if (.not. of_residual(1) > largest*level) return
+      k = findloc(of_residual > max(large*level, fallen*of_residual(1)), .false., dim=1) - 1
+      if (k < 1 .or. 4*k > n) return
+      if (sum(of_residual(:k)) < least_share*sum(of_residual)) return
+      next = k + max(k, 4)
+      before = sum(of_residual(:k))/k
+      fall = maxval(of_motion(k + 1:next))/maxval(of_motion(:k))
+      after = sum(of_residual(k + 1:next))/(next - k)
+      if (fall > 1/quiet .or. faster*after > before*fall**6) return
+      first = k*length + 1
+      ratio = sqrt(before/level)
+   end subroutine end_of_early_residuals
+
+end module beamid_early_residuals

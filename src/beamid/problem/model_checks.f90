@@ -1,0 +1,121 @@
+!> Refuses models, experiments and parameters from which nothing can be computed. The reader of a
+!> case file finds such mistakes by itself; a Fortran program may make them.
+module beamid_model_checks
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: bad_input, error_t
+   use beamid_excitation, only: excitation_t
+   use beamid_experiments, only: experiment_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: key_of, parameters
+   use beamid_responses, only: solver_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
+   use beamid_structure_checks, only: check_structure
+   implicit none
+   private
+
+   public :: check_model, check_experiments, check_free, check_times
+
+contains
+
+   !> Refuses a structure with a value out of its range, a missing solver and a missing force.
+   !>
+   !> excitation  that moves the structure
+   subroutine check_model(structure, solver, excitation, error)
+      type(structure_t), intent(in) :: structure
+      class(solver_t), allocatable, intent(in) :: solver
+      type(excitation_t), intent(in) :: excitation
+      type(error_t), allocatable, intent(out) :: error
+
+      if (.not. allocated(solver)) then
+         call bad_input(error, 'found a model without a solver, expected modal_t() or cvode_t()')
+      else if (.not. allocated(excitation%t) .and. excitation%modes == 0) then
+         call bad_input(error, 'found an excitation without times, expected one of new_pulse, '// &
+            'new_release, new_force_table or new_free')
+      else
+         call check_structure(structure, error)
+      end if
+   end subroutine check_model
+
+   !> Refuses experiments whose samples and times do not fit together, or whose model is refused by
+   !> `check_model`.
+   subroutine check_experiments(structure, solver, experiments, error)
+      type(structure_t), intent(in) :: structure
+      class(solver_t), allocatable, intent(in) :: solver
+      type(experiment_t), intent(in) :: experiments(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: record
+      integer :: r
+
+      do r = 1, size(experiments)
+         record = 'record '//to_text(r)//': '
+         associate (one => experiments(r))
+            if (.not. allocated(one%measured)) then
+               call bad_input(error, record//'found no samples, expected some')
+            else if (.not. allocated(one%observed)) then
+               if (.not. allocated(one%samples)) then
+                  call bad_input(error, record//'found no times, expected one for each sample')
+               else if (size(one%samples) /= size(one%measured)) then
+                  call bad_input(error, record//'found '//to_text(size(one%samples))// &
+                     ' times and '//to_text(size(one%measured))//' samples, expected as many')
+               else
+                  call check_times(one%samples, record, error)
+               end if
+            end if
+            if (.not. allocated(error)) call check_model(one%structure_of(structure), solver, &
+               one%excitation, error)
+         end associate
+         if (allocated(error)) return
+      end do
+   end subroutine check_experiments
+
+   !> Refuses numbers of free parameters that do not exist, and a parameter that is free twice.
+   !>
+   !> free         (n) numbers of the parameters, as from `free_index`
+   !> record       (n) record to which each belongs; 0: to all
+   !> has_unknown  whether the fit has other unknowns, such as an offset or amplitudes
+   subroutine check_free(free, record, has_unknown, error)
+      integer, intent(in) :: free(:), record(:)
+      logical, intent(in) :: has_unknown
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      if (size(free) == 0 .and. .not. has_unknown) call bad_input(error, &
+         'found no free parameter, expected at least one')
+      do k = 1, size(free)
+         if (free(k) < 1 .or. free(k) > size(parameters)) then
+            call bad_input(error, 'found '//to_text(free(k))//' as a free parameter, expected '// &
+               'a number from free_index, which is 0 for an unknown name')
+         else if (any(free(:k - 1) == free(k) .and. record(:k - 1) == record(k))) then
+            call bad_input(error, 'found '//key_of(free(k))//' twice among the free '// &
+               'parameters, expected it once')
+         end if
+         if (allocated(error)) return
+      end do
+   end subroutine check_free
+
+   !> Refuses times that are not finite or do not increase.
+   !>
+   !> place  beginning of the message
+   subroutine check_times(t, place, error)
+      real(wp), intent(in) :: t(:)
+      character(len=*), intent(in) :: place
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      do k = 1, size(t)
+         if (.not. ieee_is_finite(t(k))) then
+            call bad_input(error, place//'found no finite time of sample '//to_text(k)// &
+               ', expected a finite number')
+            return
+         end if
+      end do
+      do k = 2, size(t)
+         if (t(k) > t(k - 1)) cycle
+         call bad_input(error, place//'found time '//to_text(t(k))//' after '// &
+            to_text(t(k - 1))//', expected times that increase')
+         return
+      end do
+   end subroutine check_times
+
+end module beamid_model_checks
