@@ -1,9 +1,9 @@
 !> Estimates the viscosity of the beam and the parameters of the hose from the record of Table 4.1.
 !> Run it in the root folder of the project.
 program fit_record
-   use beamid, only: error_t, experiment_t, free_index, hose_t, identify, mesh_t, modal_t, model_t, &
-      new_pulse, new_verdict, observation_t, read_record, recording_t, stage_fit_t, stage_t, &
-      structure_t, verdict_t, wp
+   use beamid, only: error_t, experiment_t, free_index, hose_t, identify, mesh_t, modal_t, &
+      model_t, new_pulse, new_verdict, observation_t, read_record, recording_t, stage_fit_t, &
+      stage_t, structure_t, verdict_t, wp
    implicit none
    type(model_t) :: model
    type(mesh_t), parameter :: mesh = mesh_t(elements=6)

@@ -54,8 +54,8 @@ module beamid
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: new_statistics, statistics_t
-   use beamid_structure_checks, only: check_structure
    use beamid_structure, only: end_t, free_end, hose_t, mass_t, sensor_t, structure_t, support_t
+   use beamid_structure_checks, only: check_structure
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use beamid_verdicts, only: new_verdict, verdict_t

@@ -415,6 +415,18 @@ def test_table_in_html(fit, record):
     assert "no fit: " in caught.value.fit._repr_html_()
 
 
+def test_a_rejected_fit_names_what_the_model_lacks():
+    """The reason of a rejection includes the score tests, as in the program: without air damping,
+    the model explains less than half of the record."""
+    beam = dict(length=0.5, width=0.03, height=0.003, density=2700, E=7e10, c_D=1e5)
+    rest = dict(sensor=dict(m_S=0.005, x_S=0.4),
+                excitation=dict(kind="pulse", amplitude=1, duration=0.01))
+    times = np.arange(1, 201)/200
+    found = beamid.simulate(times, beam=dict(beam, gamma=1), noise=dict(sd=0.05, seed=3), **rest)
+    with pytest.raises(beamid.NoFit, match="with gamma = .*add 'gamma' to free"):
+        beamid.fit(times, found.record, beam=beam, free="c_D", **rest)
+
+
 def test_pictures(fit, record):
     """What is drawn is the record, the model, the residuals and the shapes of the tables."""
     pytest.importorskip("matplotlib").use("Agg")

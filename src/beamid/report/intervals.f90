@@ -297,8 +297,8 @@ contains
 
    end subroutine interval_summary
 
-   !> Says that a finer mesh would move an interval of noise alone by a good part of its half width.
-   !> The mesh of a fit is chosen by its total intervals, which may be much wider.
+   !> Says that a finer mesh would move an interval by a good part of its half width. The mesh of a
+   !> fit is chosen by its total intervals, which may be much wider.
    subroutine add_mesh_line(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -313,8 +313,8 @@ contains
       k = maxloc(shifts, dim=1)
       if (size(shifts) > 0 .and. any(shifts > good_part)) call text%line( &
          'these intervals do not include the error of the mesh: a finer mesh than N = '// &
-         to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '//rounded(shifts(k), 2)// &
-         ' times the half width of linear theory. Set a larger number of elements')
+         to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '//rounded( &
+         shifts(k), 2)//' times the half width of linear theory. Set more elements')
    end subroutine add_mesh_line
 
    !> Returns the place in the list of a method's interval of parameter k; 0: none.
