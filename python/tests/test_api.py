@@ -423,7 +423,7 @@ def test_a_rejected_fit_names_what_the_model_lacks():
                 excitation=dict(kind="pulse", amplitude=1, duration=0.01))
     times = np.arange(1, 201)/200
     found = beamid.simulate(times, beam=dict(beam, gamma=1), noise=dict(sd=0.05, seed=3), **rest)
-    with pytest.raises(beamid.NoFit, match="with gamma = .*add 'gamma' to free"):
+    with pytest.raises(beamid.NoFit, match=r"with gamma = .*add 'gamma' to free"):
         beamid.fit(times, found.record, beam=beam, free="c_D", **rest)
 
 

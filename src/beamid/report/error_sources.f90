@@ -13,12 +13,13 @@ module beamid_error_sources
    use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
+   use beamid_values, only: listed
    use beamid_verdicts, only: ratio_to_case
    implicit none
    private
 
-   public :: add_assumptions, add_error_sources, add_mesh_warning, add_prior_conflicts, &
-      add_far_values
+   public :: add_assumptions, add_error_sources, add_left_out, add_mesh_warning, &
+      add_prior_conflicts, add_far_values
 
    !> Distance from its prior beyond which an estimate is reported [standard deviations].
    real(wp), parameter :: far_from_prior = 3
@@ -263,5 +264,37 @@ contains
       call text%line('warning: mesh: a finer mesh than N = '//to_text(fit%elements)//' '//line// &
          '; use more elements, or elements=''auto''')
    end subroutine add_mesh_warning
+
+   !> Says what the intervals of profiles, draws and resampled records leave out: the error of the
+   !> mesh, if a finer one moves an estimate by a good part of its half width (the mesh is chosen by
+   !> total intervals, which may be much wider), and the errors of fixed parameters.
+   subroutine add_left_out(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), parameter :: good_part = 0.25_wp
+      character(len=:), allocatable :: line
+      real(wp) :: shifts(size(fit%free))
+      logical, allocatable :: able(:)
+      integer :: k
+
+      shifts = 0
+      if (allocated(fit%mesh_shift)) shifts = abs(fit%mesh_shift(:size(shifts)))/max( &
+         fit%statistics%corrected_half_width(:size(shifts)), tiny(shifts))
+      if (any(shifts > good_part)) then
+         k = maxloc(shifts, dim=1)
+         call text%line('these intervals do not include the error of the mesh: a finer mesh '// &
+            'than N = '//to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '// &
+            rounded(shifts(k), 2)//' times the half width of linear theory; set more elements')
+      end if
+      if (.not. allocated(fit%held)) return
+      if (size(fit%held) == 0) return
+      able = .not. fit%held%is_assumed .and. [(free_index(fit%held(k)%name) > 0, &
+         k=1, size(fit%held))]
+      line = ''
+      if (any(able)) line = '. To include that of '//listed(pack(fit%held%name, able), ', ')// &
+         ', add it to free and keep its &prior'
+      call text%line('these intervals do not include the errors of fixed parameters ('// &
+         listed(fit%held%name, ', ')//'); the total intervals of identify do'//line)
+   end subroutine add_left_out
 
 end module beamid_error_sources

@@ -1,6 +1,7 @@
 !> 95 % intervals of the same parameters by several methods: the table intervals.csv, which each of
 !> the commands profile, sample and bootstrap completes, and a comparison in words.
 module beamid_intervals
+   use beamid_error_sources, only: add_left_out
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
    use beamid_lines, only: limit, split
@@ -10,7 +11,6 @@ module beamid_intervals
    use beamid_texts, only: left, next_line, right, text_t
    use beamid_units, only: units_t
    use beamid_unknowns, only: name_length, quantity_t
-   use beamid_values, only: listed
    implicit none
    private
 
@@ -255,12 +255,7 @@ contains
       do k = 1, size(fit%free)
          call compare_methods(list, fit, k, text)
       end do
-      call add_mesh_line(text, fit)
-      if (.not. allocated(fit%held)) return
-      if (size(fit%held) == 0) return
-      call text%line('these intervals do not include the errors of fixed parameters ('// &
-         listed(fit%held%name, ', ')//'). The total intervals of identify do. A length or a '// &
-         'position that is free and keeps its &prior counts here, too')
+      call add_left_out(text, fit)
 
    contains
 
@@ -296,26 +291,6 @@ contains
       end function shown
 
    end subroutine interval_summary
-
-   !> Says that a finer mesh would move an interval by a good part of its half width. The mesh of a
-   !> fit is chosen by its total intervals, which may be much wider.
-   subroutine add_mesh_line(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      real(wp), parameter :: good_part = 0.25_wp
-      real(wp), allocatable :: shifts(:)
-      integer :: k
-
-      if (.not. allocated(fit%mesh_shift)) return
-      associate (half => fit%statistics%corrected_half_width(:size(fit%free)))
-         shifts = abs(fit%mesh_shift(:size(half)))/max(half, tiny(half))
-      end associate
-      k = maxloc(shifts, dim=1)
-      if (size(shifts) > 0 .and. any(shifts > good_part)) call text%line( &
-         'these intervals do not include the error of the mesh: a finer mesh than N = '// &
-         to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '//rounded( &
-         shifts(k), 2)//' times the half width of linear theory. Set more elements')
-   end subroutine add_mesh_line
 
    !> Returns the place in the list of a method's interval of parameter k; 0: none.
    pure integer function place(list, fit, k, method)
