@@ -11,7 +11,7 @@ program test_sampling
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use densities_with_answers, only: banana_t, flat_t, hole_t, normal_t, two_maxima_t
+   use densities_with_answers, only: banana_t, flat_t, hole_t, normal_t, product_t, two_maxima_t
    use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    implicit none
 
@@ -21,6 +21,7 @@ program test_sampling
    call test_coordinates()
    call test_normal()
    call test_narrow()
+   call test_product()
    call test_long_chains()
    call test_half_normal()
    call test_between_bounds()
@@ -178,6 +179,32 @@ contains
          call check_close('narrow, '//by(importance)//'deviation', s(1)/sd, 1.0_wp, allowed)
       end do
    end subroutine test_narrow
+
+   !> A narrow ridge, straight in logarithms, between bounds that are 15 deviations away: the bounds
+   !> must not bend it. Without them, 60 % of the draws would count.
+   subroutine test_product()
+      type(product_t) :: density
+      type(draws_t) :: draws
+      type(error_t), allocatable :: error
+      real(wp) :: m(2), s(2)
+
+      call sample(density, [new_variable(1.0_wp, 0.0_wp, 1e3_wp, 1.0_wp), &
+         new_variable(1.0_wp, 0.985_wp, 1.015_wp, 1.0_wp)], [1.0_wp, 1.0_wp], planned(1), draws, &
+         error)
+      call check('product: done', .not. allocated(error))
+      if (allocated(error)) return
+      call check('product: by weights', draws%weighted)
+      call check('product: half of the draws count', draws%effective > 0.5_wp*draws%evaluations, &
+         to_text(draws%effective)//' of '//to_text(draws%evaluations))
+      draws%q(1, :) = log(draws%q(1, :)) - 4*log(draws%q(2, :))
+      draws%q(2, :) = log(draws%q(2, :))
+      call moments(draws, m, s)
+      ! 10,000 draws: four errors of a mean, and five of a deviation, 1/sqrt(2 10,000) of it.
+      call check('product: means', all(abs(m) < 0.04_wp*density%sd), to_text(maxval(abs(m) &
+         /density%sd)))
+      call check('product: deviations', all(abs(s/density%sd - 1) < 0.035_wp), to_text(maxval(abs( &
+         s/density%sd - 1))))
+   end subroutine test_product
 
    !> 400000 draws by chains: a second step that is taken too often or too seldom shows in how the
    !> distances from the mean are distributed, of which 95 % are within 1.96 deviations.

@@ -6,7 +6,7 @@ module densities_with_answers
    implicit none
    private
 
-   public :: normal_t, banana_t, flat_t, two_maxima_t, hole_t, wave_t, comb_t
+   public :: normal_t, banana_t, flat_t, two_maxima_t, hole_t, wave_t, comb_t, product_t
 
    !> Normal, of a mean and of the inverse of a covariance.
    type, extends(density_t) :: normal_t
@@ -59,7 +59,29 @@ module densities_with_answers
       procedure :: evaluate => evaluate_comb
    end type comb_t
 
+   !> Two parameters of which a product of powers is known much better than each: the logarithms of
+   !> q1/q2**4 and of q2 are normal with these deviations.
+   type, extends(density_t) :: product_t
+      real(wp) :: sd(2) = [1e-5_wp, 1e-3_wp]
+   contains
+      procedure :: evaluate => evaluate_product
+   end type product_t
+
 contains
+
+   subroutine evaluate_product(self, q, value, gradient, curvature)
+      class(product_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), intent(out) :: value
+      real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+      real(wp) :: z(2), dz(2, 2)
+
+      z = [log(q(1)) - 4*log(q(2)), log(q(2))]/self%sd
+      dz = reshape([1/q(1)/self%sd(1), 0.0_wp, -4/q(2)/self%sd(1), 1/q(2)/self%sd(2)], [2, 2])
+      value = -sum(z**2)/2 - sum(log(q))
+      if (present(gradient)) gradient = -matmul(z, dz) - 1/q
+      if (present(curvature)) curvature = matmul(transpose(dz), dz)
+   end subroutine evaluate_product
 
    subroutine evaluate_wave(self, q, value, gradient, curvature)
       class(wave_t), intent(inout) :: self

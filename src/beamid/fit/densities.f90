@@ -6,7 +6,7 @@ module beamid_densities
    implicit none
    private
 
-   public :: density_t, coordinate_t, new_coordinate, impossible
+   public :: density_t, coordinate_t, new_coordinate, without_bounds, evaluate_at, impossible
 
    !> Logarithm of the density where the density is zero or cannot be computed.
    real(wp), parameter :: impossible = -huge(1.0_wp)
@@ -39,6 +39,8 @@ module beamid_densities
    type :: coordinate_t
       !> bounds and moderate value of the parameter, in its unit
       real(wp) :: lower = -unbounded, upper = unbounded, magnitude = 1
+      !> outside these values the density is 0, whatever the bounds of x say [unit of the parameter]
+      real(wp) :: least = -unbounded, most = unbounded
    contains
       procedure :: value, of, slope, log_slope, bend
    end type coordinate_t
@@ -49,8 +51,36 @@ contains
    elemental type(coordinate_t) function new_coordinate(variable)
       type(variable_t), intent(in) :: variable
 
-      new_coordinate = coordinate_t(variable%lower, variable%upper, variable%magnitude)
+      new_coordinate = coordinate_t(variable%lower, variable%upper, variable%magnitude, &
+         variable%lower, variable%upper)
    end function new_coordinate
+
+   !> Returns a coordinate that does not depend on the bounds: the logarithm of a parameter that is
+   !> not negative. Data that determine a product of powers of parameters let them vary along a
+   !> straight line of their logarithms, which distances from other bounds would bend.
+   elemental type(coordinate_t) function without_bounds(coordinate)
+      type(coordinate_t), intent(in) :: coordinate
+
+      without_bounds = coordinate
+      without_bounds%lower = merge(0.0_wp, -unbounded, coordinate%lower >= 0)
+      without_bounds%upper = unbounded
+   end function without_bounds
+
+   !> Computes the log density of the parameters at x, (n) coordinates, and its derivatives by the
+   !> parameters. Arguments as of `evaluate`.
+   subroutine evaluate_at(density, coordinate, x, value, gradient, curvature)
+      class(density_t), intent(inout) :: density
+      type(coordinate_t), intent(in) :: coordinate(:)
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: value
+      real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+      real(wp) :: q(size(x))
+
+      q = coordinate%value(x)
+      value = impossible
+      if (all(q >= coordinate%least .and. q <= coordinate%most)) call density%evaluate(q, value, &
+         gradient, curvature)
+   end subroutine evaluate_at
 
    !> Returns the parameter at x.
    elemental real(wp) function value(self, x)

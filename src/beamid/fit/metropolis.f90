@@ -3,7 +3,7 @@
 !> Laine, Mira and Saksman, Statistics and Computing 16, 2006, 339). `beamid_sampling` uses the
 !> chains if importance sampling fails.
 module beamid_metropolis
-   use beamid_densities, only: coordinate_t, density_t, impossible
+   use beamid_densities, only: coordinate_t, density_t, evaluate_at, impossible
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -175,7 +175,7 @@ contains
       type(point_t), intent(inout) :: point
 
       chain%evaluations = chain%evaluations + 1
-      call chain%density%evaluate(chain%coordinate%value(point%x), point%log_density)
+      call evaluate_at(chain%density, chain%coordinate, point%x, point%log_density)
       point%log_density_x = impossible
       if (point%log_density > impossible) point%log_density_x = point%log_density &
          + sum(chain%coordinate%log_slope(point%x))

@@ -2,14 +2,15 @@
 !> mode of a density, in coordinates without bounds, with its own width on each side of every axis
 !> (Geweke, Econometrica 57, 1989, 1317).
 module beamid_proposals
-   use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
+   use beamid_densities, only: coordinate_t, density_t, evaluate_at, impossible, new_coordinate, &
+      without_bounds
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
    use beamid_lapack, only: dposv, dpotrf, dtrtrs
    use beamid_matrices, only: add_diagonal, identity, outer
    use beamid_searches, only: monitor_t
-   use beamid_variables, only: variable_t
+   use beamid_variables, only: has, variable_t
    implicit none
    private
 
@@ -68,6 +69,8 @@ contains
       end if
       proposal%axes = identity(n)
       call dtrtrs('U', 'N', 'N', n, n, R, n, proposal%axes, n, info)
+      call leave_far_bounds(proposal)
+      call in_coordinates(mine, proposal%coordinate, proposal%mode, top)
       call measure_widths(mine, proposal, top, monitor)
    end subroutine new_proposal
 
@@ -112,6 +115,28 @@ contains
          end if
       end do
    end subroutine climb
+
+   !> Changes the coordinates of parameters between two bounds that are many standard deviations
+   !> away.
+   subroutine leave_far_bounds(proposal)
+      type(proposal_t), intent(inout) :: proposal
+      !> Standard deviation of the logarithm of the ratio of the distances from the bounds: at least
+      !> four to the nearer bound, and eight to both from the middle.
+      real(wp), parameter :: far = 0.25_wp
+      real(wp) :: q, slope
+      integer :: k
+
+      do k = 1, size(proposal%mode)
+         associate (c => proposal%coordinate(k), x => proposal%mode(k))
+            if (.not. (has(c%lower) .and. has(c%upper)) .or. norm2(proposal%axes(k, :)) > far) cycle
+            q = c%value(x)
+            slope = c%slope(x)
+            c = without_bounds(c)
+            x = c%of(q)
+            proposal%axes(k, :) = proposal%axes(k, :)*slope/c%slope(x)
+         end associate
+      end do
+   end subroutine leave_far_bounds
 
    !> Measures the width on each side of every axis: that of the narrowest normal distribution that
    !> is nowhere below the density at some distances, up to 3.5 in units of the axis.
@@ -158,11 +183,10 @@ contains
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: value
       real(wp), intent(out), optional :: gradient(:), curvature(:, :)
-      real(wp) :: q(size(x)), slope(size(x)), log_slope_derivative
+      real(wp) :: slope(size(x)), log_slope_derivative
       integer :: k
 
-      q = coordinate%value(x)
-      call density%evaluate(q, value, gradient, curvature)
+      call evaluate_at(density, coordinate, x, value, gradient, curvature)
       if (.not. value > impossible) return
       value = value + sum(coordinate%log_slope(x))
       if (.not. present(gradient)) return

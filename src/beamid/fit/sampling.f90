@@ -12,7 +12,7 @@
 !> at these and at all later ones of the round.
 module beamid_sampling
    use beamid_chains, only: diagnose_chains
-   use beamid_densities, only: density_t, impossible
+   use beamid_densities, only: density_t, evaluate_at, impossible
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -285,7 +285,7 @@ contains
             if (u(3, place) > share) then
                value(i) = guess
             else
-               call mine%evaluate(proposal%coordinate%value(x), value(i))
+               call evaluate_at(mine, proposal%coordinate, x, value(i))
                counted = counted + 1
                if (share < 1) then
                   factor = 1 + (exp(min(value(i) - guess, 700.0_wp)) - 1)/share
