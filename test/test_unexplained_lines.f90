@@ -2,7 +2,7 @@
 !> that no mode separates, and the level of the test for constant parameters.
 program test_unexplained_lines
    use beamid_drifts, only: drift_t, find_drifts
-   use beamid_early_residuals, only: end_of_early_residuals
+   use beamid_early_residuals, only: end_of_early_residuals, share_of_modes
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
@@ -186,6 +186,13 @@ contains
       call check('another mode: its end', first > 0.15_wp/step .and. first < 0.33_wp/step, &
          to_text(first))
       call check('another mode: its size', ratio > 20 .and. ratio < 35, to_text(ratio))
+      ! Errors of frequency, rate and amplitude of a mode, to first order, and another mode.
+      associate (early => t(:40), s => [(-0.2_wp, 30.0_wp), (-8.0_wp, 170.0_wp)])
+         call check('errors of modes are explained by them', share_of_modes(early, exp(-8*early)* &
+            ((1 + 3*early)*cos(170*early) + 5*early*sin(170*early)), s) > 1 - 1e-12_wp)
+         call check('another mode is not', share_of_modes(early, exp(-15*early)*cos(300*early), &
+            s) < 0.3_wp)
+      end associate
    end subroutine test_blocks
 
    !> E and rho together are not separable by any number of modes: rho stays fixed, and both modes

@@ -8,30 +8,41 @@ module beamid_early_residuals
    implicit none
    private
 
-   public :: describe_early_residuals, end_of_early_residuals
+   public :: describe_early_residuals, end_of_early_residuals, share_of_modes
 
 contains
 
-   !> Describes the first record whose residuals are much larger in its first samples; '' if there
-   !> is none.
+   !> Describes the first record whose residuals are much larger in its first samples, unless they
+   !> are errors of the modes that were fitted; '' if there is none.
    !>
    !> experiments  (records)
    !> residual     rows of the residuals of all records, one record after the other
-   subroutine describe_early_residuals(experiments, residual, text)
+   !> s            (modes, records) roots of the fitted modes [1/time]
+   subroutine describe_early_residuals(experiments, residual, s, text)
       type(experiment_t), intent(in) :: experiments(:)
       real(wp), intent(in) :: residual(:)
+      complex(wp), intent(in) :: s(:, :)
       character(len=:), allocatable, intent(out) :: text
+      !> Share of the first residuals that errors of the fitted modes may explain. Of few samples
+      !> they explain a good part of any oscillation.
+      real(wp), parameter :: most = 0.9_wp
       real(wp) :: ratio
-      integer :: first, k, r
+      integer :: first, k, modes, r
 
       text = ''
       first = 0
       do r = 1, size(experiments)
          associate (m => size(experiments(r)%measured))
             k = 0
-            if (experiments(r)%excitation%modes > 0 .and. size(experiments(r)%samples) == m) &
+            modes = min(experiments(r)%excitation%modes, size(s, 1))
+            if (modes > 0 .and. size(experiments(r)%samples) == m) then
                call end_of_early_residuals(experiments(r)%measured, residual(first + 1:first + m), &
-               k, ratio)
+                  k, ratio)
+               if (k > 0) then
+                  if (share_of_modes(experiments(r)%samples(:k - 1), residual(first + 1:first + &
+                     k - 1), s(:modes, r)) > most) k = 0
+               end if
+            end if
             if (k > 0) then
                text = to_text(experiments(r)%samples(k))
                text = 'until t = '//text//' the residuals of record '//to_text(r)//' are '// &
@@ -43,6 +54,46 @@ contains
          end associate
       end do
    end subroutine describe_early_residuals
+
+   !> Returns the share of the sum of squares of residuals that errors of the roots and amplitudes of
+   !> modes explain: combinations of e^(s t) and t e^(s t).
+   !>
+   !> t         (m) [time]
+   !> residual  (m)
+   !> s         (modes) roots [1/time]
+   function share_of_modes(t, residual, s) result(share)
+      real(wp), intent(in) :: t(:), residual(:)
+      complex(wp), intent(in) :: s(:)
+      real(wp) :: share
+      real(wp) :: basis(size(t), 4*size(s)), left(size(t)), size_of
+      complex(wp) :: wave(size(t))
+      integer :: j, k
+
+      left = residual
+      do k = 1, size(s)
+         wave = exp(s(k)*(t - t(1)))
+         basis(:, 4*k - 3) = wave%re
+         basis(:, 4*k - 2) = wave%im
+         basis(:, 4*k - 1) = (t - t(1))*wave%re
+         basis(:, 4*k) = (t - t(1))*wave%im
+      end do
+      ! Each column loses its components along those before it, twice because of round-off.
+      do k = 1, size(basis, 2)
+         size_of = norm2(basis(:, k))
+         do j = 1, 2*(k - 1)
+            associate (other => basis(:, 1 + modulo(j - 1, k - 1)))
+               basis(:, k) = basis(:, k) - dot_product(other, basis(:, k))*other
+            end associate
+         end do
+         if (.not. norm2(basis(:, k)) > 1e-8_wp*size_of) then
+            basis(:, k) = 0
+            cycle
+         end if
+         basis(:, k) = basis(:, k)/norm2(basis(:, k))
+         left = left - dot_product(basis(:, k), left)*basis(:, k)
+      end do
+      share = 1 - sum(left**2)/max(sum(residual**2), tiny(share))
+   end function share_of_modes
 
    !> Finds the sample from which on the residuals of a free decay have their later size.
    !>

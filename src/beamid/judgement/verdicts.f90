@@ -118,7 +118,9 @@ contains
          if (size(limits) == 1) verdict%caution = verdict%caution//'the record'
          if (size(limits) > 1) verdict%caution = verdict%caution//'record '//to_text(r)
       end if
-      call describe_early_residuals(experiments, fit%residual, verdict%early)
+      verdict%early = ''
+      if (verdict%departures == '' .and. verdict%missed == '') call describe_early_residuals( &
+         experiments, fit%residual, s, verdict%early)
       if (verdict%caution == '' .and. verdict%early /= '') verdict%caution = &
          'the first samples of a record do not fit'
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
