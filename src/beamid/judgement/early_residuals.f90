@@ -55,8 +55,8 @@ contains
       end do
    end subroutine describe_early_residuals
 
-   !> Returns the share of the sum of squares of residuals that errors of the roots and amplitudes of
-   !> modes explain: combinations of e^(s t) and t e^(s t).
+   !> Returns the share of the sum of squares of residuals that errors of the roots and amplitudes
+   !> of modes explain: combinations of e^(s t) and t e^(s t).
    !>
    !> t         (m) [time]
    !> residual  (m)
