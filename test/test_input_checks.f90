@@ -8,7 +8,7 @@ program test_input_checks
    use beamid_strings, only: to_text
    use case_answers, only: nl, ruler
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, replaced, write_file
+   use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, replaced, run, write_file
    implicit none
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
@@ -168,6 +168,14 @@ contains
       outcome = beamid('identify case.nml --quiet --out refused')
       call check('sample numbers: named', outcome%status == 2 .and. &
          index(outcome%err, 'look like sample numbers') > 0, outcome%err)
+      ! Every second sample: mode 3 at 156 Hz looks like 250 - 156 = 94 Hz.
+      call write_record(0.002_wp, 0)
+      outcome = run('awk "NR == 1 || NR%2 == 0" record.csv > half.csv')
+      call write_file('case.nml', replaced(ruler, 'record.csv', 'half.csv'))
+      outcome = beamid('identify case.nml --quiet --out half')
+      call check('a mode above the Nyquist frequency: where it appears', index(outcome%out, &
+         'mode 3 lies above the Nyquist frequency 125 Hz; its samples look like 9') > 0, &
+         outcome%out//outcome%err)
    end subroutine test_stamps
 
    !> Two seconds of quiet before the release: left out unless the case gives t_first.

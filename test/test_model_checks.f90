@@ -30,7 +30,14 @@ program test_model_checks
    call try_fit('more samples than times', model, t(:59), a, [free_index('E')], &
       '59 times and 60 samples')
    call try_fit('two times exchanged', model, [t(:30), t(32), t(31), t(33:)], a, &
-      [free_index('E')], 'time 0.31 after 0.32')
+      [free_index('E')], 'time 0.31 of sample 32, not after')
+   a(9) = ieee_value(t(7), ieee_quiet_nan)
+   call try_fit('a sample that is no number', model, t, a, [free_index('E')], 'in sample 9')
+   a = simulation%acceleration
+   call try_fit('two starts of one parameter', model, t, a, [free_index('E')], &
+      'found 2 start values', start=[2e11_wp, 1.0_wp])
+   call try_fit('the third of one sensor', model, t, a, [free_index('E')], 'found sensor 3', &
+      sensor=3)
    t(7) = ieee_value(t(7), ieee_quiet_nan)
    call try_fit('a time that is no number', model, t, a, [free_index('E')], 'time of sample 7')
    call finish('model_checks')
@@ -51,6 +58,9 @@ contains
       wrong%structure%sensor(1)%x_S = 0.7_wp
       call try('a sensor behind the tip', wrong, 'x_S: found 0.7')
       wrong = model
+      wrong%excitation%x_F = 0.7_wp
+      call try('a force behind the tip', wrong, 'x_F: found 0.7')
+      wrong = model
       wrong%structure%rho = -1
       call try('a negative mass', wrong, 'rho: found -1')
       wrong = model
@@ -69,11 +79,13 @@ contains
    end subroutine try
 
    !> Fits a record; a part of the error's message, or '' where the fit is right.
-   subroutine try_fit(what, wrong, times, measured, free, message)
+   subroutine try_fit(what, wrong, times, measured, free, message, start, sensor)
       character(len=*), intent(in) :: what, message
       type(model_t), intent(in) :: wrong
       real(wp), intent(in) :: times(:), measured(:)
       integer, intent(in) :: free(:)
+      real(wp), intent(in), optional :: start(:)
+      integer, intent(in), optional :: sensor
       type(experiment_t) :: one(1)
       type(stage_t) :: stage
 
@@ -81,6 +93,8 @@ contains
       one(1)%measured = measured
       one(1)%excitation = wrong%excitation
       stage%free = free
+      if (present(start)) stage%start = start
+      if (present(sensor)) one(1)%sensor = sensor
       call identify(wrong, mesh_t(elements=8), [stage], one, fits, error)
       call expect(what//' is fitted', message)
    end subroutine try_fit

@@ -77,7 +77,10 @@ program test_modules
    end do
    call search('-lPz '//deferred_result//' src/beamid/support/strings.f90 $(printf '// &
       '"src/beamid/%s " '//rooms//')', lines)
-   call check('functions with text of deferred length are found', size(lines) > 0)
+   do k = 1, size(with_texts)
+      call check(trim(with_texts(k))//': its functions with text of deferred length are found', &
+         any(lines == with_texts(k)))
+   end do
    do k = 1, size(lines)
       call check(trim(lines(k))//' has no function for threads whose text has a deferred length', &
          any(lines(k) == with_texts))

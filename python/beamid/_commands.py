@@ -450,7 +450,14 @@ def _opened(case: str | PathLike[str] | Problem) -> Handle:
     return open_case(os.fspath(case), "", [], fits=False)
 
 
-def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handle:
+def _is_changed(arguments: dict[str, Any]) -> bool:
+    """Return whether arguments of a command change the structure of a case. Records belong to the
+    structure that was measured: another one is not fitted to them."""
+    return any(arguments.get(name) for name in STRUCTURE)
+
+
+def _case_of(first: str, arguments: dict[str, Any], fits: bool = False,
+             is_given: bool = False) -> Handle:
     """Return the handle of the case that the arguments of a command describe.
 
     Parameters
@@ -461,6 +468,8 @@ def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handl
         `locals()` at the beginning of the command.
     fits
         Whether the command needs the free parameters of a fit.
+    is_given
+        Whether the values of the case are those of the structure, so that nothing is fitted.
     """
     keys = given(arguments, "progress")
     case = keys.pop(first)
@@ -468,9 +477,7 @@ def _case_of(first: str, arguments: dict[str, Any], fits: bool = False) -> Handl
         changes = {name: value for name, value in keys.items() if value is not None}
         if not changes and not isinstance(case, Fit):
             return _opened(case)
-        # Records belong to the structure that was measured: another one is not fitted to them.
-        is_given = isinstance(case, Fit) or not STRUCTURE.isdisjoint(changes)
-        left_out = OF_FITS if is_given and not fits else ()
+        left_out = OF_FITS if (isinstance(case, Fit) or is_given) and not fits else ()
         path, text, held = changed_case(case, changes, grid=True, left_out=left_out)
         with without_lines(path):
             return open_case(path, text, held, fits=False)
@@ -571,7 +578,9 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     ComputationError
         If the modes cannot be computed.
     """
-    found = Modes(**_results("modes", [_case_of("case", locals())], progress))
+    arguments = locals()
+    handle = _case_of("case", arguments, is_given=_is_changed(arguments))
+    found = Modes(**_results("modes", [handle], progress))
     columns = found._finest("modes.csv")
     found.s = columns["real"] + 1j*columns["imag"]
     found.frequencies, found.damping_ratios = columns["frequency_hz"], columns["damping_ratio"]
@@ -594,8 +603,9 @@ def frf(case: Case | None = None, *, record: Groups = None,
         units: Group = None, progress: Progress | None = None, **other: Any) -> FrequencyResponse:
     """Compute the frequency response of a structure, as the command `frf` does.
 
-    If the case can be fitted and its structure is not changed here, it is the response of the
-    fitted structure, with its 95 % band.
+    If the case can be fitted, it is the response of the fitted structure, with its 95 % band. With
+    `record` and a change of the structure, nothing is fitted: the record of the case belongs to the
+    structure that was measured.
 
     The other arguments are those of `Problem`, which describes them with their units: `free`,
     `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `mass`, `hose`, `sensor`,
@@ -631,7 +641,9 @@ def frf(case: Case | None = None, *, record: Groups = None,
     arguments = locals()
     if isinstance(record, Mapping):
         arguments["record"] = dict(record, kind="frf")
-    found = FrequencyResponse(**_results("frf", [_case_of("case", arguments)], progress))
+    # Without lines, the response is that at the lines of the measured one, which belongs to a fit.
+    handle = _case_of("case", arguments, is_given=_is_changed(arguments) and record is not None)
+    found = FrequencyResponse(**_results("frf", [handle], progress))
     columns = found._finest("frf.csv")
     found.frequencies, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]
     if "magnitude_lower95" in columns:

@@ -236,8 +236,8 @@ contains
       call borrow_outcome(handle, outcome, error)
       if (.not. allocated(error)) then
          if (.not. allocated(outcome%summary)) then
-            ! The longest part of the judgement works without text, and may run beside other
-            ! threads.
+            ! Fits on finer meshes work without text, and may run beside other threads. The verdict
+            ! and the score tests, which need it, write sentences.
             progress => progress_of_call()
             call add_mesh_shifts(outcome%case, outcome%found, error, progress)
             call end_progress(progress)

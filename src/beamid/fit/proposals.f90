@@ -47,32 +47,48 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       class(density_t), allocatable :: mine
-      real(wp), dimension(size(start), size(start)) :: H, R
       real(wp) :: top
-      integer :: info, n
+      logical :: has_changed
 
       allocate (mine, source=density)
-      n = size(start)
       proposal%coordinate = new_coordinate(variables)
       proposal%mode = proposal%coordinate%of(start)
-      call climb(mine, proposal%coordinate, proposal%mode, top, H, monitor)
+      call find_axes(mine, proposal, top, error, monitor)
+      if (allocated(error)) return
+      call leave_far_bounds(proposal, has_changed)
+      if (has_changed) call find_axes(mine, proposal, top, error, monitor)
+      if (allocated(error)) return
+      call measure_widths(mine, proposal, top, monitor)
+   end subroutine new_proposal
+
+   !> Finds the mode of a density from a point near it, and the axes there.
+   !>
+   !> proposal  in: with coordinates and the point
+   !> top       log density of the coordinates at the mode
+   subroutine find_axes(density, proposal, top, error, monitor)
+      class(density_t), intent(inout) :: density
+      type(proposal_t), intent(inout) :: proposal
+      real(wp), intent(out) :: top
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      real(wp), dimension(size(proposal%mode), size(proposal%mode)) :: H
+      integer :: info, n
+
+      n = size(proposal%mode)
+      call climb(density, proposal%coordinate, proposal%mode, top, H, monitor)
       if (.not. top > impossible) then
          call failure(error, 'sampling: the density cannot be computed at the estimate')
          return
       end if
-      R = H
-      call add_diagonal(R, spread(1/longest_axis**2, 1, n))
-      call dpotrf('U', n, R, n, info)
+      call add_diagonal(H, spread(1/longest_axis**2, 1, n))
+      call dpotrf('U', n, H, n, info)
       if (info /= 0) then
          call failure(error, 'sampling: the density has no mode near the estimate')
          return
       end if
       proposal%axes = identity(n)
-      call dtrtrs('U', 'N', 'N', n, n, R, n, proposal%axes, n, info)
-      call leave_far_bounds(proposal)
-      call in_coordinates(mine, proposal%coordinate, proposal%mode, top)
-      call measure_widths(mine, proposal, top, monitor)
-   end subroutine new_proposal
+      call dtrtrs('U', 'N', 'N', n, n, H, n, proposal%axes, n, info)
+   end subroutine find_axes
 
    !> Climbs to the mode of a density by damped Newton steps.
    !>
@@ -117,23 +133,24 @@ contains
    end subroutine climb
 
    !> Changes the coordinates of parameters between two bounds that are many standard deviations
-   !> away.
-   subroutine leave_far_bounds(proposal)
+   !> away. Their mode is then a little elsewhere, and the axes are those of the former coordinates.
+   subroutine leave_far_bounds(proposal, has_changed)
       type(proposal_t), intent(inout) :: proposal
+      logical, intent(out) :: has_changed
       !> Standard deviation of the logarithm of the ratio of the distances from the bounds: at least
       !> four to the nearer bound, and eight to both from the middle.
       real(wp), parameter :: far = 0.25_wp
-      real(wp) :: q, slope
+      real(wp) :: q
       integer :: k
 
+      has_changed = .false.
       do k = 1, size(proposal%mode)
          associate (c => proposal%coordinate(k), x => proposal%mode(k))
             if (.not. (has(c%lower) .and. has(c%upper)) .or. norm2(proposal%axes(k, :)) > far) cycle
             q = c%value(x)
-            slope = c%slope(x)
             c = without_bounds(c)
             x = c%of(q)
-            proposal%axes(k, :) = proposal%axes(k, :)*slope/c%slope(x)
+            has_changed = .true.
          end associate
       end do
    end subroutine leave_far_bounds

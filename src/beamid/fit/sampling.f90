@@ -163,7 +163,7 @@ contains
             is_reliable = draws%k <= largest_k .and. efficiency >= min_efficiency
             if (.not. is_reliable .or. draws%effective >= plan%draws .or. &
                wanted >= max_ratio*plan%draws) exit
-            if (wanted == pilot) call new_surrogate(y, value, proposal%width, surrogate)
+            if (wanted == pilot) call fit_surrogate(proposal, y, value, surrogate)
             wanted = min(max_ratio*plan%draws, max(wanted + 1000, &
                block*ceiling(1.1_wp*plan%draws/efficiency/block)))
          end do
@@ -174,6 +174,21 @@ contains
       end do
       if (is_reliable) call resample(proposal, plan, points(proposal, y), value, weight, draws)
    end subroutine draw_weighted
+
+   !> Fits a polynomial to the density at the draws that are within the bounds.
+   subroutine fit_surrogate(proposal, y, value, surrogate)
+      type(proposal_t), intent(in) :: proposal
+      real(wp), intent(in) :: y(:, :), value(:)
+      type(surrogate_t), intent(inout) :: surrogate
+      real(wp) :: x(size(y, 1), size(y, 2))
+      integer, allocatable :: inside(:)
+      integer :: i
+
+      x = points(proposal, y)
+      inside = pack([(i, i=1, size(value))], [(all(proposal%coordinate%holds(x(:, i))), &
+         i=1, size(value))])
+      call new_surrogate(y(:, inside), value(inside), proposal%width, surrogate)
+   end subroutine fit_surrogate
 
    !> Returns the coordinates x, (n, draws), of draws y (n, draws) in units of the proposal's axes.
    pure function points(proposal, y) result(x)
@@ -282,7 +297,10 @@ contains
             share = surrogate%share(y(:, i))
             factor = 1
             if (share < 1) guess = surrogate%at(y(:, i))
-            if (u(3, place) > share) then
+            if (.not. all(proposal%coordinate%holds(x))) then
+               value(i) = impossible
+               cycle
+            else if (u(3, place) > share) then
                value(i) = guess
             else
                call evaluate_at(mine, proposal%coordinate, x, value(i))

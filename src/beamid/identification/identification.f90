@@ -10,7 +10,7 @@ module beamid_identification
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t, options_t
-   use beamid_model_checks, only: check_experiments, check_free
+   use beamid_model_checks, only: check_experiments, check_stage
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_simulation, only: model_t, simulate, simulation_t
    use beamid_smooth_fits, only: misfit_of
@@ -71,8 +71,8 @@ contains
 
       call check_experiments(model%structure, model%solver, experiments, error)
       do k = 1, size(stages)
-         if (.not. allocated(error)) call check_free(stages(k)%free, stages(k)%owners(), &
-            stages(k)%offset .or. any(experiments%excitation%modes > 0), error)
+         if (.not. allocated(error)) call check_stage(stages(k), any(experiments%excitation%modes &
+            > 0), error)
       end do
       if (allocated(error)) return
       free = [(stages(k)%free, k=1, size(stages))]

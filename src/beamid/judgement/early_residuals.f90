@@ -1,10 +1,10 @@
-!> Finds free decays whose first samples do not fit, because modes that the fit lacks have not died
-!> out there.
+!> Finds free decays whose first samples do not fit: modes that the fit lacks have not died out
+!> there, or something has knocked at the beam.
 module beamid_early_residuals
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
-   use beamid_strings, only: rounded, to_text
+   use beamid_strings, only: fixed, rounded, to_text
    implicit none
    private
 
@@ -12,8 +12,8 @@ module beamid_early_residuals
 
 contains
 
-   !> Describes the first record whose residuals are much larger in its first samples, unless they
-   !> are errors of the modes that were fitted; '' if there is none.
+   !> Describes the records whose residuals are much larger in their first samples, unless they are
+   !> errors of the modes that were fitted; '' if there is none.
    !>
    !> experiments  (records)
    !> residual     rows of the residuals of all records, one record after the other
@@ -26,10 +26,13 @@ contains
       !> Share of the first residuals that errors of the fitted modes may explain. Of few samples
       !> they explain a good part of any oscillation.
       real(wp), parameter :: most = 0.9_wp
-      real(wp) :: ratio
+      character(len=:), allocatable :: advice, times
+      real(wp) :: largest, ratio
       integer :: first, k, modes, r
 
       text = ''
+      times = ''
+      largest = 0
       first = 0
       do r = 1, size(experiments)
          associate (m => size(experiments(r)%measured))
@@ -44,16 +47,34 @@ contains
                end if
             end if
             if (k > 0) then
-               text = to_text(experiments(r)%samples(k))
-               text = 'until t = '//text//' the residuals of record '//to_text(r)//' are '// &
-                  rounded(ratio, 2)//' times as large as later, as if it held modes there that '// &
-                  'the fit lacks: begin later (t_first='//text//') before you follow other advice'
-               return
+               call put_time(experiments(r)%samples, k, advice)
+               if (times /= '') times = times//', '
+               times = times//'t = '//advice//' in record '//to_text(r)
+               largest = max(largest, ratio)
             end if
             first = first + m
          end associate
       end do
+      if (times == '') return
+      text = 'until '//times//' the residuals are '//rounded(largest, 2)//' times as large as '// &
+         'later: the record holds something there that the fit lacks, such as higher modes. '// &
+         'Begin at this time (t_first='//advice//'), and fit again'
+      if (index(times, ',') > 0) text = 'until '//times//' the residuals are up to '// &
+         rounded(largest, 2)//' times as large as later: the records hold something there that '// &
+         'the fit lacks, such as higher modes. Begin at these times (t_first), and fit again'
    end subroutine describe_early_residuals
+
+   !> Sets a text to the time of sample k, with as many decimals as the step to it needs.
+   subroutine put_time(t, k, text)
+      real(wp), intent(in) :: t(:)
+      integer, intent(in) :: k
+      character(len=:), allocatable, intent(out) :: text
+      integer, parameter :: most = 9
+
+      text = trim(adjustl(fixed(t(k), 40, max(1, min(most, 1 - floor(log10(t(k) - t(k - 1))))))))
+      if (index(text, '.') > 0) text = text(:verify(text, '0', back=.true.))
+      if (text(len(text):) == '.') text = text(:len(text) - 1)
+   end subroutine put_time
 
    !> Returns the share of the sum of squares of residuals that errors of the roots and amplitudes
    !> of modes explain: combinations of e^(s t) and t e^(s t).
@@ -104,9 +125,9 @@ contains
    !> - the residuals fall three times as much behind them as the cube of the motion does.
    !>   (Residuals that follow a power of the motion are errors of a model whose damping or
    !>   stiffness is constant.) The motion has begun before: a quiet lead-in is another mistake.
-   !> White noise never does this, because a block has at least 16 samples. The residuals behind the
-   !> first blocks may still be large, because the fit tries to explain all of them; a second fit
-   !> that begins there is judged again.
+   !> The mean squares of white noise in two blocks, of at least 16 samples each, differ much less.
+   !> The residuals behind the first blocks may still be large, because the fit tries to explain all
+   !> of them; a second fit that begins there is judged again.
    !>
    !> z         (m) measured [length/time**2]
    !> residual  (m) [length/time**2]

@@ -11,10 +11,11 @@ module beamid_model_checks
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use beamid_structure_checks, only: check_structure
+   use beamid_unknowns, only: stage_t
    implicit none
    private
 
-   public :: check_model, check_experiments, check_free, check_times
+   public :: check_model, check_experiments, check_stage, check_times
 
 contains
 
@@ -52,6 +53,12 @@ contains
          associate (one => experiments(r))
             if (.not. allocated(one%measured)) then
                call bad_input(error, record//'found no samples, expected some')
+            else if (.not. all(ieee_is_finite(one%measured))) then
+               call bad_input(error, record//'found no finite value in sample '//to_text(findloc( &
+                  ieee_is_finite(one%measured), .false., dim=1))//', expected finite numbers')
+            else if (one%sensor < 1 .or. one%sensor > max(1, structure%sensors)) then
+               call bad_input(error, record//'found sensor '//to_text(one%sensor)//' of '// &
+                  to_text(structure%sensors)//', expected one that the structure has')
             else if (.not. allocated(one%observed)) then
                if (.not. allocated(one%samples)) then
                   call bad_input(error, record//'found no times, expected one for each sample')
@@ -69,18 +76,32 @@ contains
       end do
    end subroutine check_experiments
 
-   !> Refuses numbers of free parameters that do not exist, and a parameter that is free twice.
+   !> Refuses numbers of free parameters that do not exist, a parameter that is free twice, and
+   !> start values, bounds and records that are not as many.
    !>
-   !> free         (n) numbers of the parameters, as from `free_index`
-   !> record       (n) record to which each belongs; 0: to all
-   !> has_unknown  whether the fit has other unknowns, such as an offset or amplitudes
-   subroutine check_free(free, record, has_unknown, error)
-      integer, intent(in) :: free(:), record(:)
+   !> has_unknown  whether the fit has other unknowns, such as amplitudes
+   subroutine check_stage(stage, has_unknown, error)
+      type(stage_t), intent(in) :: stage
       logical, intent(in) :: has_unknown
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
+      integer, allocatable :: free(:), record(:)
+      integer :: k, n
 
-      if (size(free) == 0 .and. .not. has_unknown) call bad_input(error, &
+      allocate (free(0))
+      if (allocated(stage%free)) free = stage%free
+      n = size(free)
+      if (allocated(stage%start)) n = size(stage%start)
+      if (n == size(free) .and. allocated(stage%lower)) n = size(stage%lower)
+      if (n == size(free) .and. allocated(stage%upper)) n = size(stage%upper)
+      if (n == size(free) .and. allocated(stage%record)) n = size(stage%record)
+      if (n /= size(free)) then
+         call bad_input(error, 'found '//to_text(n)//' start values, bounds or records of '// &
+            to_text(size(free))//' free parameters, expected as many')
+         return
+      end if
+      record = [(0, k=1, n)]
+      if (allocated(stage%record)) record = stage%record
+      if (n == 0 .and. .not. (has_unknown .or. stage%offset)) call bad_input(error, &
          'found no free parameter, expected at least one')
       do k = 1, size(free)
          if (free(k) < 1 .or. free(k) > size(parameters)) then
@@ -92,7 +113,7 @@ contains
          end if
          if (allocated(error)) return
       end do
-   end subroutine check_free
+   end subroutine check_stage
 
    !> Refuses times that are not finite or do not increase.
    !>
@@ -112,8 +133,8 @@ contains
       end do
       do k = 2, size(t)
          if (t(k) > t(k - 1)) cycle
-         call bad_input(error, place//'found time '//to_text(t(k))//' after '// &
-            to_text(t(k - 1))//', expected times that increase')
+         call bad_input(error, place//'found time '//to_text(t(k))//' of sample '//to_text(k)// &
+            ', not after that of the sample before it, expected times that increase')
          return
       end do
    end subroutine check_times

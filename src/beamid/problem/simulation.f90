@@ -58,12 +58,12 @@ contains
       type(response_t) :: at_points
       class(solver_t), allocatable :: solver
 
-      call check_model(model%structure, model%solver, model%excitation, error)
-      if (.not. allocated(error)) call check_times(samples, '', error)
-      if (allocated(error)) return
       excitation = model%excitation
       structure = model%structure
       if (allocated(excitation%x_F)) structure%x_F = excitation%x_F
+      call check_model(structure, model%solver, excitation, error)
+      if (.not. allocated(error)) call check_times(samples, '', error)
+      if (allocated(error)) return
       galerkin = galerkin_of(mesh, structure, fixed=.true.)
       solver = model%solver
       call prepare_for(galerkin, solver, error)

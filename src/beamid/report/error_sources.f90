@@ -278,8 +278,10 @@ contains
       integer :: k
 
       shifts = 0
-      if (allocated(fit%mesh_shift)) shifts = abs(fit%mesh_shift(:size(shifts)))/max( &
-         fit%statistics%corrected_half_width(:size(shifts)), tiny(shifts))
+      associate (half => fit%statistics%corrected_half_width(:size(shifts)))
+         if (allocated(fit%mesh_shift)) where (half > 0) shifts = abs(fit%mesh_shift( &
+            :size(shifts)))/half
+      end associate
       if (any(shifts > good_part)) then
          k = maxloc(shifts, dim=1)
          call text%line('these intervals do not include the error of the mesh: a finer mesh '// &
@@ -288,11 +290,13 @@ contains
       end if
       if (.not. allocated(fit%held)) return
       if (size(fit%held) == 0) return
-      able = .not. fit%held%is_assumed .and. [(free_index(fit%held(k)%name) > 0, &
-         k=1, size(fit%held))]
+      able = .not. fit%held%is_assumed .and. [(free_index(fit%held(k)%name) > 0 .and. &
+         .not. any(fit%held(:k - 1)%name == fit%held(k)%name), k=1, size(fit%held))]
       line = ''
-      if (any(able)) line = '. To include that of '//listed(pack(fit%held%name, able), ', ')// &
-         ', add it to free and keep its &prior'
+      if (count(able) == 1) line = '. To include that of '//listed(pack(fit%held%name, able), &
+         ', ')//', add it to free and keep its &prior'
+      if (count(able) > 1) line = '. To include those of '//listed(pack(fit%held%name, able), &
+         ', ')//', add them to free and keep their &prior'
       call text%line('these intervals do not include the errors of fixed parameters ('// &
          listed(fit%held%name, ', ')//'); the total intervals of identify do'//line)
    end subroutine add_left_out

@@ -107,7 +107,7 @@ contains
             if (is_last) line = determination(fit, verdict)
             if (line /= '') call text%line(line)
          else if (size(sentences) == 0 .and. verdict%caution == '') then
-            is_wide = .not. s%determined .and. s%half_width >= abs([fit%quantities%value])
+            is_wide = .not. s%determined .and. s%half_width >= abs([fit%quantities%searched])
             if (any(is_wide)) call text%line('not determined, because the interval is wider '// &
                'than the value: '//listed(pack(names, is_wide), ', '))
             n = size(fit%free)
