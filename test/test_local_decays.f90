@@ -275,7 +275,7 @@ contains
       sd = sqrt(sum(found%residual**2)/found%statistics%freedom)
       do k = 1, n
          other = noisy(record, found%residual + gaussian_noise(m, sd, plan%seed + 7919*k + 101))
-         call fit_long(model, other, again, error, [found%fit%estimate, 0.0_wp])
+         call fit_long(model, other, again, error, found%fit%estimate)
          call check('resampled: fit', .not. allocated(error))
          if (allocated(error)) return
          ! Both searches end within 1e-6 standard errors of the minimum.
