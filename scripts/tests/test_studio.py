@@ -806,7 +806,9 @@ def test_first_user(tab, server, tmp_path):
         action()
     tab.wait_for_selector("[data-fit='1']", timeout=WAIT)
     tab.get_by_text("The model explains").first.wait_for(timeout=WAIT)
-    assert tab.locator("[data-step=record] .q-badge").is_hidden()
+    # The window begins at the release, with higher modes than those of the fit: the only remark.
+    assert tab.locator("[data-step=record] .q-badge").inner_text() == "1"
+    assert tab.get_by_text("Begin at this time (t_first=").count() > 0
     text = (server.folder / "ruler" / "fit_1" / "estimates.csv").read_text()
     rows = [line.split(",") for line in text.splitlines()]
     row = dict(zip(rows[0], next(row for row in rows if "E" in row)))

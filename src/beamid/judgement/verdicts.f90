@@ -121,8 +121,6 @@ contains
       verdict%early = ''
       if (verdict%departures == '' .and. verdict%missed == '') call describe_early_residuals( &
          experiments, fit%residual, s, verdict%early)
-      if (verdict%caution == '' .and. verdict%early /= '') verdict%caution = &
-         'the first samples of a record do not fit'
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)
