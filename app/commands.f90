@@ -11,6 +11,7 @@ module beamid_commands
    use beamid_errors, only: locate
    use beamid_files, only: read_text
    use beamid_fit_reports, only: report_fit
+   use beamid_identification, only: run_stages
    use beamid_inference_outputs, only: report_inferences
    use beamid_interrupts, only: check_interrupt
    use beamid_outputs, only: output_t
@@ -99,7 +100,7 @@ contains
       do mesh = 1, size(case%meshes)
          do k = 1, most
             call system_clock(begin, rate)
-            call identify(case%model, case%meshes(mesh), case%stages, experiments, fits, &
+            call run_stages(case%model, case%meshes(mesh), case%stages, experiments, fits, &
                error, check=.false.)
             call system_clock(finish)
             seconds(k) = real(finish - begin, wp)/rate

@@ -3,8 +3,9 @@
 !> a case and prints medians of the processor's time in seconds. Without words: one of each of the
 !> bench.
 program time_fits
-   use beamid, only: case_t, error_t, experiment_t, identify, load_experiments, needs_fit, &
-      note_length, read_case, stage_fit_t, variable_t, wp
+   use beamid, only: case_t, error_t, experiment_t, load_experiments, needs_fit, note_length, &
+      read_case, stage_fit_t, variable_t, wp
+   use beamid_identification, only: run_stages
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_sorting, only: median
    use beamid_unknowns, only: quantity_t, variables_of
@@ -50,7 +51,7 @@ contains
 
       do k = 1, fits
          whole(k) = now()
-         call identify(case%model, case%meshes(size(case%meshes)), case%stages, experiments, &
+         call run_stages(case%model, case%meshes(size(case%meshes)), case%stages, experiments, &
             found, error, check=.false.)
          whole(k) = now() - whole(k)
          if (allocated(error)) error stop error%message

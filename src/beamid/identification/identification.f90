@@ -24,7 +24,7 @@ module beamid_identification
    private
 
    public :: model_t, stage_t, simulation_t, stage_fit_t, outcome_t, quantity_t, simulate, &
-      identify, identify_meshes, misfit_of_fit, score_fits
+      identify, identify_meshes, misfit_of_fit, run_stages, score_fits
 
    !> The results of all stages on one mesh, or the error.
    type :: outcome_t
@@ -61,6 +61,28 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
+      integer :: k
+
+      call check_experiments(model%structure, model%solver, experiments, error)
+      do k = 1, size(stages)
+         if (.not. allocated(error)) call check_stage(stages(k), any(experiments%excitation%modes &
+            > 0), error)
+      end do
+      if (.not. allocated(error)) call run_stages(model, mesh, stages, experiments, fits, error, &
+         monitor, check)
+   end subroutine identify_experiments
+
+   !> Runs the stages. Arguments as of `identify_experiments`; they are not checked, because the
+   !> checks take a fifth of the time of a short fit, and the reader of a case file has made them.
+   subroutine run_stages(model, mesh, stages, experiments, fits, error, monitor, check)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(stage_t), intent(in) :: stages(:)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
       type(residual_t) :: problem, exact
       type(options_t) :: options
       type(stage_t) :: stage
@@ -69,12 +91,6 @@ contains
       integer, allocatable :: free(:)
       integer :: k, p
 
-      call check_experiments(model%structure, model%solver, experiments, error)
-      do k = 1, size(stages)
-         if (.not. allocated(error)) call check_stage(stages(k), any(experiments%excitation%modes &
-            > 0), error)
-      end do
-      if (allocated(error)) return
       free = [(stages(k)%free, k=1, size(stages))]
       call new_residuals(model, mesh, experiments, problem, error, free)
       if (allocated(error)) return
@@ -116,7 +132,7 @@ contains
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
       end do
-   end subroutine identify_experiments
+   end subroutine run_stages
 
    !> Repeats a later stage from the spectral lines of free decays if a parameter that it adds has
    !> stayed at its bound, and keeps the better fit. The search, which started from the estimates
@@ -243,8 +259,8 @@ contains
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = size(meshes), 1, -1
-         call identify(model, meshes(k), stages, experiments, outcomes(k)%fits, outcomes(k)%error, &
-            monitor, check)
+         call run_stages(model, meshes(k), stages, experiments, outcomes(k)%fits, &
+            outcomes(k)%error, monitor, check)
          !$omp critical (one_mesh_done)
          finished = finished + meshes(k)%elements
          if (present(monitor)) call monitor%done(finished, sum(meshes%elements))
