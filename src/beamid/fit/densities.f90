@@ -42,7 +42,7 @@ module beamid_densities
       !> outside these values the density is 0, whatever the bounds of x say [unit of the parameter]
       real(wp) :: least = -unbounded, most = unbounded
    contains
-      procedure :: value, of, slope, log_slope, bend, holds
+      procedure :: value, of, slope, log_slope, bend, allows
    end type coordinate_t
 
 contains
@@ -78,18 +78,16 @@ contains
 
       q = coordinate%value(x)
       value = impossible
-      if (all(coordinate%holds(x))) call density%evaluate(q, value, gradient, curvature)
+      if (all(coordinate%allows(q))) call density%evaluate(q, value, gradient, curvature)
    end subroutine evaluate_at
 
-   !> Tells whether the parameter at x is between its bounds.
-   elemental logical function holds(self, x)
+   !> Tells whether a value of the parameter is within its bounds.
+   elemental logical function allows(self, q)
       class(coordinate_t), intent(in) :: self
-      real(wp), intent(in) :: x
-      real(wp) :: q
+      real(wp), intent(in) :: q
 
-      q = self%value(x)
-      holds = q >= self%least .and. q <= self%most
-   end function holds
+      allows = q >= self%least .and. q <= self%most
+   end function allows
 
    !> Returns the parameter at x.
    elemental real(wp) function value(self, x)

@@ -12,7 +12,7 @@
 !> at these and at all later ones of the round.
 module beamid_sampling
    use beamid_chains, only: diagnose_chains
-   use beamid_densities, only: density_t, evaluate_at, impossible
+   use beamid_densities, only: density_t, impossible
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -185,8 +185,8 @@ contains
       integer :: i
 
       x = points(proposal, y)
-      inside = pack([(i, i=1, size(value))], [(all(proposal%coordinate%holds(x(:, i))), &
-         i=1, size(value))])
+      inside = pack([(i, i=1, size(value))], [(all(proposal%coordinate%allows( &
+         proposal%coordinate%value(x(:, i)))), i=1, size(value))])
       call new_surrogate(y(:, inside), value(inside), proposal%width, surrogate)
    end subroutine fit_surrogate
 
@@ -276,7 +276,7 @@ contains
       integer, intent(inout) :: counted
       logical, intent(inout) :: is_negative
       class(density_t), allocatable :: mine
-      real(wp), dimension(size(y, 1)) :: x, width
+      real(wp), dimension(size(y, 1)) :: q, x, width
       real(wp) :: z(size(y, 1), block), u(3, block), scale, share, guess, factor
       integer :: i, n, place
 
@@ -297,13 +297,14 @@ contains
             share = surrogate%share(y(:, i))
             factor = 1
             if (share < 1) guess = surrogate%at(y(:, i))
-            if (.not. all(proposal%coordinate%holds(x))) then
+            q = proposal%coordinate%value(x)
+            if (.not. all(proposal%coordinate%allows(q))) then
                value(i) = impossible
                cycle
             else if (u(3, place) > share) then
                value(i) = guess
             else
-               call evaluate_at(mine, proposal%coordinate, x, value(i))
+               call mine%evaluate(q, value(i))
                counted = counted + 1
                if (share < 1) then
                   factor = 1 + (exp(min(value(i) - guess, 700.0_wp)) - 1)/share

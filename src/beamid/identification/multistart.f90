@@ -3,7 +3,8 @@ module beamid_multistart
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, misfit_of_fit, model_t, outcome_t, stage_fit_t
+   use beamid_identification, only: check_fit, misfit_of_fit, model_t, outcome_t, run_stages, &
+      stage_fit_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -69,12 +70,15 @@ contains
       integer, allocatable :: found(:), counts(:)
       integer :: finished, k
 
+      failures = 0
+      call check_fit(model, stages, experiments, error)
+      if (allocated(error)) return
       allocate (outcomes(plan%n), found(0), counts(0))
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, plan%n
          if (interrupted()) cycle
-         call identify(model, mesh, stages_from_start(model, stages, plan, k), experiments, &
+         call run_stages(model, mesh, stages_from_start(model, stages, plan, k), experiments, &
             outcomes(k)%fits, outcomes(k)%error, monitor, check)
          !$omp critical (one_start_done)
          finished = finished + 1
@@ -82,7 +86,6 @@ contains
          !$omp end critical (one_start_done)
       end do
       !$omp end parallel do
-      failures = 0
       call check_interrupt(error)
       if (allocated(error)) return
       do k = 1, plan%n

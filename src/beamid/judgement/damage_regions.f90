@@ -8,7 +8,7 @@ module beamid_damage_regions
    use beamid_experiments, only: experiment_t
    use beamid_field_bands, only: band, field_band_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify
+   use beamid_identification, only: run_stages
    use beamid_kinds, only: wp
    use beamid_simulation, only: model_t
    use beamid_sorting, only: median
@@ -132,7 +132,7 @@ contains
       stage%free = [stage%free, E_at(:coefficients)]
       stage%record = [stage%record, spread(0, 1, coefficients)]
       deallocate (stage%lower, stage%upper)
-      call identify(smooth, mesh, [stage], experiments, fits, error, check=.false.)
+      call run_stages(smooth, mesh, [stage], experiments, fits, error, check=.false.)
       if (allocated(error)) return
       if (.not. norm2(fits(1)%residual) <= share*norm2(fit%residual)) return
       field = band(fits(1), field_modulus, points)

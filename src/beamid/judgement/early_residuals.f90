@@ -2,6 +2,7 @@
 !> there, or something has knocked at the beam.
 module beamid_early_residuals
    use beamid_experiments, only: experiment_t
+   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
    use beamid_strings, only: fixed, rounded, to_text
@@ -26,13 +27,14 @@ contains
       !> Share of the first residuals that errors of the fitted modes may explain. Of few samples
       !> they explain a good part of any oscillation.
       real(wp), parameter :: most = 0.9_wp
-      character(len=:), allocatable :: advice, times
+      character(len=:), allocatable :: time, times
       real(wp) :: largest, ratio
-      integer :: first, k, modes, r
+      integer :: first, k, modes, named, r
 
       text = ''
       times = ''
       largest = 0
+      named = 0
       first = 0
       do r = 1, size(experiments)
          associate (m => size(experiments(r)%measured))
@@ -47,21 +49,27 @@ contains
                end if
             end if
             if (k > 0) then
-               call put_time(experiments(r)%samples, k, advice)
-               if (times /= '') times = times//', '
-               times = times//'t = '//advice//' in record '//to_text(r)
+               call put_time(experiments(r)%samples, k, time)
+               if (named > 0) times = times//', '
+               times = times//'t = '//time//' in record '//to_text(r)
+               named = named + 1
                largest = max(largest, ratio)
             end if
             first = first + m
          end associate
       end do
-      if (times == '') return
-      text = 'until '//times//' the residuals are '//rounded(largest, 2)//' times as large as '// &
-         'later: the record holds something there that the fit lacks, such as higher modes. '// &
-         'Begin at this time (t_first='//advice//'), and fit again'
-      if (index(times, ',') > 0) text = 'until '//times//' the residuals are up to '// &
-         rounded(largest, 2)//' times as large as later: the records hold something there that '// &
-         'the fit lacks, such as higher modes. Begin at these times (t_first), and fit again'
+      select case (named)
+      case (0)
+         return
+      case (1)
+         text = 'until '//times//' the residuals are '//rounded(largest, 2)//' times as large '// &
+            'as later: the record holds something there that the fit lacks, such as higher '// &
+            'modes. Begin at this time (t_first='//time//'), and fit again'
+      case default
+         text = 'until '//times//' the residuals are up to '//rounded(largest, 2)//' times as '// &
+            'large as later: the records hold something there that the fit lacks, such as '// &
+            'higher modes. Begin at these times (t_first), and fit again'
+      end select
    end subroutine describe_early_residuals
 
    !> Sets a text to the time of sample k, with as many decimals as the step to it needs.
@@ -86,11 +94,12 @@ contains
       real(wp), intent(in) :: t(:), residual(:)
       complex(wp), intent(in) :: s(:)
       real(wp) :: share
-      real(wp) :: basis(size(t), 4*size(s)), left(size(t)), size_of
+      real(wp), parameter :: independent = 1e-8_wp   ! of a column that counts as independent
+      real(wp), dimension(size(t), 4*size(s)) :: basis
+      real(wp) :: factor(4*size(s))
       complex(wp) :: wave(size(t))
-      integer :: j, k
+      integer :: k, rank
 
-      left = residual
       do k = 1, size(s)
          wave = exp(s(k)*(t - t(1)))
          basis(:, 4*k - 3) = wave%re
@@ -98,22 +107,9 @@ contains
          basis(:, 4*k - 1) = (t - t(1))*wave%re
          basis(:, 4*k) = (t - t(1))*wave%im
       end do
-      ! Each column loses its components along those before it, twice because of round-off.
-      do k = 1, size(basis, 2)
-         size_of = norm2(basis(:, k))
-         do j = 1, 2*(k - 1)
-            associate (other => basis(:, 1 + modulo(j - 1, k - 1)))
-               basis(:, k) = basis(:, k) - dot_product(other, basis(:, k))*other
-            end associate
-         end do
-         if (.not. norm2(basis(:, k)) > 1e-8_wp*size_of) then
-            basis(:, k) = 0
-            cycle
-         end if
-         basis(:, k) = basis(:, k)/norm2(basis(:, k))
-         left = left - dot_product(basis(:, k), left)*basis(:, k)
-      end do
-      share = 1 - sum(left**2)/max(sum(residual**2), tiny(share))
+      call least_squares_step(basis, residual, 1/max(norm2(basis, dim=1), tiny(share)), &
+         spread(.true., 1, size(factor)), independent, factor, rank)
+      share = 1 - sum((residual + matmul(basis, factor))**2)/max(sum(residual**2), tiny(share))
    end function share_of_modes
 
    !> Finds the sample from which on the residuals of a free decay have their later size.

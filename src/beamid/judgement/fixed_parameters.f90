@@ -11,7 +11,7 @@ module beamid_fixed_parameters
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_held_errors, only: held_t
-   use beamid_identification, only: identify
+   use beamid_identification, only: run_stages
    use beamid_kinds, only: wp
    use beamid_parameter_names, only: name_of_parameter
    use beamid_parameters, only: on_beam, parameters, set_free
@@ -102,7 +102,7 @@ contains
          stage = fit%again()
          stage%automatic = .true.
          stage%is_whole = .true.
-         call identify(moved, mesh, [stage], experiments, fits, error, check=.false.)
+         call run_stages(moved, mesh, [stage], experiments, fits, error, check=.false.)
          if (.not. allocated(error)) then
             if (size(fits(1)%free) == n) then
                one%effect(:n) = max(one%effect(:n), abs(fits(1)%fit%estimate(:n) - &

@@ -23,7 +23,7 @@ module beamid_score_tests
    use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_gauss_newton, only: least_squares_step
-   use beamid_identification, only: identify
+   use beamid_identification, only: run_stages
    use beamid_kinds, only: wp
    use beamid_parameter_names, only: name_length, name_of_parameter
    use beamid_parameters, only: on_beam, parameters
@@ -313,7 +313,7 @@ contains
       stage%upper = [stage%upper, alone%upper]
       stage%automatic = .true.
       stage%is_whole = .true.
-      call identify(model, mesh, [stage], experiments, fits, error, check=.false.)
+      call run_stages(model, mesh, [stage], experiments, fits, error, check=.false.)
       if (allocated(error)) return
       if (size(fits(1)%free) /= n + 1) return
       before = 0

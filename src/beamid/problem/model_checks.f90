@@ -84,22 +84,23 @@ contains
       type(stage_t), intent(in) :: stage
       logical, intent(in) :: has_unknown
       type(error_t), allocatable, intent(out) :: error
-      integer, allocatable :: free(:), record(:)
+      integer, allocatable :: free(:), record(:), sizes(:)
       integer :: k, n
 
-      allocate (free(0))
+      allocate (free(0), sizes(0))
       if (allocated(stage%free)) free = stage%free
+      if (allocated(stage%start)) sizes = [sizes, size(stage%start)]
+      if (allocated(stage%lower)) sizes = [sizes, size(stage%lower)]
+      if (allocated(stage%upper)) sizes = [sizes, size(stage%upper)]
+      if (allocated(stage%record)) sizes = [sizes, size(stage%record)]
       n = size(free)
-      if (allocated(stage%start)) n = size(stage%start)
-      if (n == size(free) .and. allocated(stage%lower)) n = size(stage%lower)
-      if (n == size(free) .and. allocated(stage%upper)) n = size(stage%upper)
-      if (n == size(free) .and. allocated(stage%record)) n = size(stage%record)
-      if (n /= size(free)) then
-         call bad_input(error, 'found '//to_text(n)//' start values, bounds or records of '// &
-            to_text(size(free))//' free parameters, expected as many')
+      if (any(sizes /= n)) then
+         k = findloc(sizes /= n, .true., dim=1)
+         call bad_input(error, 'found '//to_text(sizes(k))//' start values, bounds or records '// &
+            'of '//to_text(n)//' free parameters, expected as many')
          return
       end if
-      record = [(0, k=1, n)]
+      record = spread(0, 1, n)
       if (allocated(stage%record)) record = stage%record
       if (n == 0 .and. .not. (has_unknown .or. stage%offset)) call bad_input(error, &
          'found no free parameter, expected at least one')
