@@ -13,6 +13,7 @@ program test_score_tests
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
+   use beamid_verdicts, only: new_verdict, verdict_t
    use checks, only: check, finish, in_long_run
    use free_decays, only: formulas, made, mesh, noise_of, noisy, stage_for, truth
    use models, only: model_of
@@ -32,6 +33,7 @@ program test_score_tests
    call test_two_modes()
    call test_prior()
    call test_free_prior()
+   call test_multiple()
    call finish('score_tests')
 
 contains
@@ -146,6 +148,32 @@ contains
          to_text(false_alarms))
    end subroutine test_free_prior
 
+   !> Records with an oscillation at a multiple of the first mode's frequency, which is smaller than
+   !> the noise and 2 to 3 Hz away from mode 2: the test finds it, and with the change that it
+   !> predicts E is closer to its true value. The suite of right models covers records without it.
+   subroutine test_multiple()
+      type(score_test_t), allocatable :: tests(:)
+      type(stage_fit_t) :: fit
+      integer, parameter :: records = 10
+      integer :: closer, found, k, place
+
+      found = 0
+      closer = 0
+      do k = 1, records
+         call test_record(strip, 2, 3000 + k, .true., tests, fit=fit, multiple=0.7_wp)
+         place = place_of(tests, 'multiple')
+         call check('a multiple is a candidate', place > 0)
+         if (place == 0) return
+         associate (one => tests(place), E => fit%quantities(1)%value)
+            call check('the multiple is that beside mode 2', one%mode == 2 .and. one%order > 1)
+            if (one%matters) found = found + 1
+            if (abs(E + one%shift(1) - strip%E) < abs(E - strip%E)) closer = closer + 1
+         end associate
+      end do
+      call check('a multiple beside mode 2 is found', found >= 9, to_text(found)//' of 10')
+      call check('its shift moves E to the true value', closer >= 9, to_text(closer)//' of 10')
+   end subroutine test_multiple
+
    !> Fits a record of a structure by the model without the property, and tests the candidates.
    !>
    !> modes    of the record that the fit takes
@@ -153,7 +181,11 @@ contains
    !> without  a parameter that the fit must not estimate
    !> sd       standard deviation of a prior about the value of `strip`
    !> of       parameter of this prior; default gamma
-   subroutine test_record(structure, modes, seed, offset, tests, without, sd, of)
+   !> fit      the fit
+   !> multiple amplitude of an oscillation that the record contains in addition, in standard
+   !>          deviations of the noise; its frequency is the multiple of that of mode 1 beside that
+   !>          of mode 2
+   subroutine test_record(structure, modes, seed, offset, tests, without, sd, of, fit, multiple)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: modes, seed
       logical, intent(in) :: offset
@@ -161,7 +193,10 @@ contains
       character(len=*), intent(in), optional :: without
       real(wp), intent(in), optional :: sd
       character(len=*), intent(in), optional :: of
+      type(stage_fit_t), intent(out), optional :: fit
+      real(wp), intent(in), optional :: multiple
       type(experiment_t) :: experiment
+      type(verdict_t) :: verdict
       type(model_t) :: model
       type(prior_t) :: prior
       type(stage_t) :: stage
@@ -196,8 +231,18 @@ contains
       end if
       call identify(model, mesh, [stage], [experiment], fits, error)
       call check('the record is fitted', .not. allocated(error))
+      if (.not. allocated(error)) call new_verdict([experiment], mesh, fits(1), verdict, error)
+      if (present(multiple) .and. .not. allocated(error)) then
+         associate (t => experiment%samples, s => verdict%s(:, 1))
+            experiment%measured = experiment%measured + multiple*0.1_wp*noise_of(experiment)*real( &
+               exp(cmplx(real(s(1)), nint(aimag(s(2))/aimag(s(1)))*aimag(s(1)), wp)*(t - t(1))))
+         end associate
+         call identify(model, mesh, [stage], [experiment], fits, error)
+         if (.not. allocated(error)) call new_verdict([experiment], mesh, fits(1), verdict, error)
+      end if
       if (.not. allocated(error)) call test_candidates(model, mesh, [experiment], fits(1), tests, &
-         error)
+         error, verdict%s)
+      if (present(fit) .and. .not. allocated(error)) fit = fits(1)
       call check('the candidates are tested', .not. allocated(error))
       if (allocated(error)) allocate (tests(0))
    end subroutine test_record

@@ -55,9 +55,10 @@ contains
          variable%lower, variable%upper)
    end function new_coordinate
 
-   !> Returns a coordinate that does not depend on the bounds: the logarithm of a parameter that is
-   !> not negative. Data that determine a product of powers of parameters let them vary along a
-   !> straight line of their logarithms, which distances from other bounds would bend.
+   !> Returns a coordinate that does not depend on the bounds: the logarithm of a parameter whose
+   !> lower bound is at least 0, otherwise the parameter itself. If the data determine only a
+   !> product of powers of parameters, their logarithms vary along a straight line. In a coordinate
+   !> that depends on a bound far away, this line is curved. The bounds still limit the density.
    elemental type(coordinate_t) function without_bounds(coordinate)
       type(coordinate_t), intent(in) :: coordinate
 
@@ -66,8 +67,12 @@ contains
       without_bounds%upper = unbounded
    end function without_bounds
 
-   !> Computes the log density of the parameters at x, (n) coordinates, and its derivatives by the
-   !> parameters. Arguments as of `evaluate`.
+   !> Computes the log density of the parameters at a point given by its coordinates; `impossible`
+   !> outside the bounds. The volume of the coordinates is not included.
+   !>
+   !> x                    (n) coordinates
+   !> gradient, curvature  derivatives with respect to the parameters, not the coordinates, as of
+   !>                      `evaluate`
    subroutine evaluate_at(density, coordinate, x, value, gradient, curvature)
       class(density_t), intent(inout) :: density
       type(coordinate_t), intent(in) :: coordinate(:)

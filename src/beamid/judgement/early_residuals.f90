@@ -115,15 +115,18 @@ contains
    !> Finds the sample from which on the residuals of a free decay have their later size.
    !>
    !> The record is divided into short blocks. Its first blocks are conspicuous if
-   !> - the residuals of the first one are five times as large as the median of the second half of
-   !>   the record, and those of the others three times, and a tenth of those of the first one;
-   !> - they are at most a quarter of the record, and hold a fifth of the sum of squares;
-   !> - the residuals fall three times as much behind them as the cube of the motion does.
-   !>   (Residuals that follow a power of the motion are errors of a model whose damping or
-   !>   stiffness is constant.) The motion has begun before: a quiet lead-in is another mistake.
-   !> The mean squares of white noise in two blocks, of at least 16 samples each, differ much less.
-   !> The residuals behind the first blocks may still be large, because the fit tries to explain all
-   !> of them; a second fit that begins there is judged again.
+   !> - the residuals of the first one are at least five times as large as the median of the second
+   !>   half of the record, and those of the others at least three times as large, and at least a
+   !>   tenth of those of the first one;
+   !> - they are at most a quarter of the record, and hold at least a fifth of the sum of squares;
+   !> - the residuals fall behind them by at least three times the factor by which the cube of the
+   !>   motion falls. (Residuals that follow a power of the motion are errors of a model whose
+   !>   damping or stiffness is constant.) The motion must have begun before: if it is larger behind
+   !>   the first blocks than in them, the window begins with a quiet time, another mistake.
+   !> A block has at least 16 samples, and a record of fewer than 12 blocks is not examined. The
+   !> mean squares of white noise in two such blocks differ much less. The residuals behind the
+   !> first blocks may still be large, because the fit tries to explain all of them; a second fit
+   !> that begins there is judged again.
    !>
    !> z         (m) measured [length/time**2]
    !> residual  (m) [length/time**2]

@@ -22,15 +22,17 @@ module beamid_score_tests
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
-   use beamid_gauss_newton, only: least_squares_step
    use beamid_identification, only: run_stages
-   use beamid_kinds, only: wp
-   use beamid_parameter_names, only: name_length, name_of_parameter
+   use beamid_kinds, only: two_pi, wp
+   use beamid_multiples, only: columns, explain_by_multiple, order_beside
+   use beamid_parameter_names, only: name_of_parameter
    use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: priors_of
    use beamid_record_errors, only: differentiate_error, errors_of
    use beamid_residuals, only: residual_t
+   use beamid_scores, only: find_largest_shift, score_test_t, test
    use beamid_simulation, only: model_t
+   use beamid_spectra, only: noise_near
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
    use beamid_structure, only: J_S_at, m_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
       structure_t, x_S_at, yielding
@@ -41,30 +43,6 @@ module beamid_score_tests
    private
 
    public :: score_test_t, test_candidates
-
-   !> The test of one candidate.
-   type :: score_test_t
-      character(len=name_length) :: name = ''
-      !> index in the table of parameters; 0: an error of a record, with its name
-      integer :: parameter = 0
-      integer :: record = 0                !< of this error; 0: all records
-      !> Probability of a score at least this large if the candidate has the model's value.
-      real(wp) :: p_value = 1
-      !> Estimate of the candidate by one Gauss-Newton step or by the refit; a spring as stiffness.
-      real(wp) :: value = 0
-      real(wp), allocatable :: shift(:)    !< (n) change of each estimate with the candidate free
-      !> The largest shift in units of the estimate's half width, and the index of this estimate; 0:
-      !> no estimate has an interval.
-      real(wp) :: moves = 0
-      integer :: by = 0
-      real(wp) :: decrease = 0             !< relative decrease of the weighted sum of squares
-      !> Whether the candidate shifts an estimate by more than half of its half width, or reduces
-      !> the sum of squares by over a tenth, and the test rejects the model; or another test has
-      !> rejected the model, and this one is significant at a lower level (`decide`).
-      logical :: rejects = .false., matters = .false.
-   contains
-      procedure :: remedy
-   end type score_test_t
 
    !> Significance level of all tests together, with which they reject the model.
    real(wp), parameter :: chance = 0.01_wp
@@ -77,17 +55,22 @@ contains
    !> each record (`errors_of`), as far as the fit has not estimated them. J_S and x_S are those of
    !> the sensor of the first record.
    !>
+   !> Also tests whether a free decay contains a multiple of the first mode's frequency beside
+   !> another mode.
+   !>
    !> fit    result of one stage, with statistics
    !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
    !>        no noise, has fixed a parameter of its stage, or has no exact response
    !> error  the response cannot be computed
-   subroutine test_candidates(model, mesh, experiments, fit, tests, error)
+   !> s      (modes, records) roots of the fitted structures [1/time]; absent: no multiple is tested
+   subroutine test_candidates(model, mesh, experiments, fit, tests, error, s)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), allocatable, intent(out) :: tests(:)
       type(error_t), allocatable, intent(out) :: error
+      complex(wp), intent(in), optional :: s(:, :)
       !> Residuals below this share of the records are round-off, which is no noise.
       real(wp), parameter :: round_off = 1e-9_wp
       type(residual_t) :: problem
@@ -134,6 +117,7 @@ contains
          end associate
       end do
       call test_records(experiments, fit, .not. problem%offset, tests)
+      if (present(s)) call test_multiples(experiments, fit, s, tests)
       call decide(fit, tests)
    end subroutine test_candidates
 
@@ -173,20 +157,43 @@ contains
       call move_alloc(more, tests)
    end subroutine test_records
 
-   !> Returns what the user may do if the test matters.
-   function remedy(self) result(text)
-      class(score_test_t), intent(in) :: self
-      character(len=:), allocatable :: text
+   !> Tests whether each free decay contains multiples of the first mode's frequency, one for each
+   !> other mode that was fitted.
+   !>
+   !> The decrease of J in units of the variance of the noise around the frequency has a chi-square
+   !> distribution. (Other lines and modes in the residuals say nothing of this noise.)
+   !>
+   !> s      (modes, records) roots [1/time]
+   !> tests  to which these tests are added
+   subroutine test_multiples(experiments, fit, s, tests)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), intent(in) :: s(:, :)
+      type(score_test_t), allocatable, intent(inout) :: tests(:)
+      type(score_test_t) :: one
+      real(wp) :: d(size(fit%jacobian, 1))
+      integer :: first, k, order, r
 
-      select case (self%name)
-      case ('scale')
-         text = 'check the calibration, the size of the excitation and the positions'
-      case ('delay')
-         text = 'check the trigger and the clocks'
-      case default
-         text = 'add '''//trim(self%name)//''' to free'
-      end select
-   end function remedy
+      first = 1
+      do r = 1, size(experiments)
+         do k = 2, min(experiments(r)%excitation%modes, size(s, 1))
+            if (size(experiments(r)%samples) == 0) exit
+            order = order_beside(s(:, r), k)
+            ! Of two modes beside one multiple, the first is tested.
+            if (order == 0 .or. order == order_beside(s(:, r), k - 1)) cycle
+            one = score_test_t(name='multiple', record=r, order=order, mode=k)
+            call explain_by_multiple(experiments(r)%samples, s(1, r), order, first, fit%jacobian, &
+               fit%fit%residual, d)
+            call test(fit, d, 0.0_wp, [-huge(d), huge(d)], sd=0.0_wp, one=one)
+            one%value = order*aimag(s(1, r))/two_pi
+            one%p_value = chi_square_tail(one%decrease*fit%fit%J/(fit%weight(r)**2*noise_near( &
+               experiments(r)%samples, fit%residual(first:first + size(experiments(r)%samples) &
+               - 1), one%value, -real(s(1, r)))), real(columns, wp))
+            tests = [tests, one]
+         end do
+         first = first + size(experiments(r)%measured)
+      end do
+   end subroutine test_multiples
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
    !>
@@ -239,51 +246,6 @@ contains
       allocate (d(size(fit%jacobian, 1)), source=0.0_wp)
       d(:size(r)) = jac(:, 1)
    end subroutine differentiate
-
-   !> Computes the score of a candidate, its p-value and one Gauss-Newton step.
-   !>
-   !> d       (rows) derivatives of the residuals with respect to the candidate
-   !> value   value of the candidate in the model
-   !> bounds  (2) least and largest value; a step beyond them is not significant
-   !> sd      standard deviation of `value`
-   subroutine test(fit, d, value, bounds, sd, one)
-      type(stage_fit_t), intent(in) :: fit
-      real(wp), intent(in) :: d(:), value, bounds(2), sd
-      type(score_test_t), intent(inout) :: one
-      real(wp), dimension(size(fit%quantities)) :: slopes, scales
-      real(wp) :: left(size(d)), products(size(d)), change, deviation, length
-      integer :: m, rank
-
-      one%value = value
-      allocate (one%shift(size(fit%quantities)), source=0.0_wp)
-      if (size(fit%jacobian, 2) /= size(slopes)) return
-      scales = fit%quantities%scale
-      call least_squares_step(fit%jacobian, d, scales, spread(.true., 1, size(scales)), &
-         epsilon(1.0_wp)*size(d), slopes, rank)
-      left = d + matmul(fit%jacobian, slopes)
-      length = sum(left**2)
-      ! If the estimates reproduce d to round-off, the candidate cannot be tested.
-      if (.not. length > 1e-12_wp*sum(d**2)) return
-      products = left*fit%fit%residual
-      change = -sum(products)/length
-      if (value + change < bounds(1) .or. value + change > bounds(2)) return
-      one%value = value + change
-      one%shift = slopes*change
-      ! The variance is computed from the residuals after the step. Before the step, residuals that
-      ! the candidate explains would count as noise.
-      products = left*(fit%fit%residual + left*change)
-      m = size(fit%residual)
-      ! The variance of the rows of priors and penalties, which follow those of the records, is
-      ! known: a single row could not show it.
-      deviation = sqrt(sum(products(:m)**2)*m/effective_samples(products(:m)) &
-         + fit%statistics%variance*sum(left(m + 1:)**2))
-      if (fit%statistics%noise_is_known) deviation = sqrt(length*max(1.0_wp, &
-         sum((fit%fit%residual + left*change)**2)/size(left)))
-      if (.not. deviation > 0) return
-      one%p_value = erfc(abs(change)/(hypot(deviation/length, sd)*sqrt(2.0_wp)))
-      one%decrease = change**2*length/fit%fit%J
-      call find_largest_shift(fit, one)
-   end subroutine test
 
    !> Fits again with a candidate free and replaces the result of the score test. Keeps that result
    !> if the fit fails or fixes a parameter.
@@ -355,24 +317,6 @@ contains
       end associate
    end function prior_error
 
-   !> Notes which estimate the candidate moves most, in units of the estimate's half width.
-   subroutine find_largest_shift(fit, one)
-      type(stage_fit_t), intent(in) :: fit
-      type(score_test_t), intent(inout) :: one
-      real(wp) :: half
-      integer :: k
-
-      one%moves = 0
-      one%by = 0
-      do k = 1, size(fit%free)
-         half = fit%half_width(k)
-         if (.not. half > 0) cycle
-         if (abs(one%shift(k)) <= one%moves*half) cycle
-         one%moves = abs(one%shift(k))/half
-         one%by = k
-      end do
-   end subroutine find_largest_shift
-
    !> Decides which tests reject the model: they are significant by Bonferroni's correction for
    !> their number, and a finer mesh does not reduce J by half as much or more. The residuals that
    !> such a candidate explains are errors of the mesh, which the intervals include. After a
@@ -385,6 +329,8 @@ contains
 
       counts = (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
          (tests%name == 'offset' .or. tests%decrease > 2*fit%mesh_decrease)
+      ! A multiple that moves nothing is a spectral line of its own.
+      where (tests%name == 'multiple') counts = counts .and. tests%moves > large_shift
       ! The penalty on a field distorts the motion as if its size were another one.
       if (any(fit%strength > 0)) counts = counts .and. tests%name /= 'scale' .and. &
          tests%name /= 'delay'

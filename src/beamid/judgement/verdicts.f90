@@ -47,6 +47,7 @@ module beamid_verdicts
       !> lowest mode that is not 'seen' in any record, if parameters are lost; otherwise 0
       integer :: missing_mode = 0
       character(len=:), allocatable :: lost_names   !< names of the lost parameters, as a list
+      complex(wp), allocatable :: s(:, :)           !< (modes, records) roots [1/time]; 0: none
    end type verdict_t
 
    !> Share of the variance of a record above which a spectral line that the model cannot explain
@@ -128,6 +129,7 @@ contains
          call find_lost_parameters(fit, s, ds, verdict)
       if (verdict%no_fit == '') call describe_silence(verdict%qualities, fit, &
          any(fit%quantities%parameter == offset), verdict%no_fit)
+      call move_alloc(s, verdict%s)
 
    contains
 

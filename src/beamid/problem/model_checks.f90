@@ -1,5 +1,5 @@
-!> Refuses models, experiments and parameters from which nothing can be computed. The reader of a
-!> case file finds such mistakes by itself; a Fortran program may make them.
+!> Refuses models, experiments and stages from which nothing can be computed. The reader of a case
+!> file finds such mistakes by itself; a Fortran program may make them.
 module beamid_model_checks
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: bad_input, error_t
@@ -19,9 +19,11 @@ module beamid_model_checks
 
 contains
 
-   !> Refuses a structure with a value out of its range, a missing solver and a missing force.
+   !> Refuses a model without a solver, an excitation without times and without free modes, and a
+   !> structure with a value out of its range.
    !>
-   !> excitation  that moves the structure
+   !> excitation  of the structure, which may differ from that of the model
+   !> error       what was found, and what is expected
    subroutine check_model(structure, solver, excitation, error)
       type(structure_t), intent(in) :: structure
       class(solver_t), allocatable, intent(in) :: solver
@@ -52,7 +54,7 @@ contains
          record = 'record '//to_text(r)//': '
          associate (one => experiments(r))
             if (.not. allocated(one%measured)) then
-               call bad_input(error, record//'found no samples, expected some')
+               call bad_input(error, record//'found no values (measured), expected some')
             else if (.not. all(ieee_is_finite(one%measured))) then
                call bad_input(error, record//'found no finite value in sample '//to_text(findloc( &
                   ieee_is_finite(one%measured), .false., dim=1))//', expected finite numbers')
@@ -61,10 +63,12 @@ contains
                   to_text(structure%sensors)//', expected one that the structure has')
             else if (.not. allocated(one%observed)) then
                if (.not. allocated(one%samples)) then
-                  call bad_input(error, record//'found no times, expected one for each sample')
+                  call bad_input(error, record//'found no times (samples), expected one for '// &
+                     'each value')
                else if (size(one%samples) /= size(one%measured)) then
                   call bad_input(error, record//'found '//to_text(size(one%samples))// &
-                     ' times and '//to_text(size(one%measured))//' samples, expected as many')
+                     ' times (samples) and '//to_text(size(one%measured))// &
+                     ' values (measured), expected as many of either')
                else
                   call check_times(one%samples, record, error)
                end if
@@ -76,10 +80,12 @@ contains
       end do
    end subroutine check_experiments
 
-   !> Refuses numbers of free parameters that do not exist, a parameter that is free twice, and
-   !> start values, bounds and records that are not as many.
+   !> Refuses a stage with a free parameter that does not exist or is free twice, a stage without
+   !> any unknown, and components `start`, `lower`, `upper` or `record` whose size is not that of
+   !> `free`.
    !>
-   !> has_unknown  whether the fit has other unknowns, such as amplitudes
+   !> has_unknown  whether the fit has other unknowns than the free parameters, such as amplitudes
+   !> error        what was found, and what is expected
    subroutine check_stage(stage, has_unknown, error)
       type(stage_t), intent(in) :: stage
       logical, intent(in) :: has_unknown
@@ -96,8 +102,8 @@ contains
       n = size(free)
       if (any(sizes /= n)) then
          k = findloc(sizes /= n, .true., dim=1)
-         call bad_input(error, 'found '//to_text(sizes(k))//' start values, bounds or records '// &
-            'of '//to_text(n)//' free parameters, expected as many')
+         call bad_input(error, 'found '//to_text(sizes(k))//' values in start, lower, upper or '// &
+            'record of the stage, expected '//to_text(n)//', as many as in free')
          return
       end if
       record = spread(0, 1, n)

@@ -114,8 +114,8 @@ contains
             is_left = .not. s%determined(:n) .and. .not. is_wide(:n)
             if (allocated(fit%reach)) is_left = is_left .and. any(fit%reach > 0, dim=1)
             if (allocated(fit%reach) .and. any(is_left)) call text%line('not determined, '// &
-               'because another explanation of the records, named above, moves the estimate '// &
-               'out of its interval: '//listed(pack(names(:n), is_left), ', '))
+               'because with what the model may lack, named above, the estimate moves out of '// &
+               'its interval: '//listed(pack(names(:n), is_left), ', '))
          end if
       end associate
    end subroutine add_determination

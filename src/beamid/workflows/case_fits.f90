@@ -374,7 +374,7 @@ contains
       integer :: k
 
       call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
-         found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed)
+         found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed, found%verdict%s)
       call check_interrupt(error)
       if (allocated(error) .or. allocated(failed)) return
       call move_alloc(tests, found%tests)
@@ -382,15 +382,16 @@ contains
          do k = 1, size(found%tests)
             if (found%tests(k)%matters) call last%extend(found%tests(k)%shift(:size(last%free)))
          end do
-         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects)
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects .and. &
+            found%tests%name /= 'multiple')
          if (k == 0) return
          if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//', the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
-         ! Scale and delay cannot be free.
+         ! What is to be free must be a parameter or the offset.
          k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects .and. &
-            found%tests%name /= 'scale' .and. found%tests%name /= 'delay')
+            (found%tests%parameter > 0 .or. found%tests%name == 'offset'))
          if (k > 0) call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), &
             found%experiments, found%verdict, last, missing=trim(found%tests(k)%name))
       end associate

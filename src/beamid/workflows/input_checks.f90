@@ -92,7 +92,8 @@ contains
             end if
             mode = findloc(frequencies > nyquist, .true., dim=1)
             if (mode > 0) call add_note(notes, 'record '//to_text(r)//': the model''s mode '// &
-               to_text(mode)//' lies above the Nyquist frequency '//with_unit(nyquist, case)// &
+               to_text(mode)//' (at '//with_unit(frequencies(mode), case)// &
+               ') lies above the Nyquist frequency '//with_unit(nyquist, case)// &
                '; its samples look like '//with_unit(folded(frequencies(mode), nyquist), case))
          end associate
       end do
