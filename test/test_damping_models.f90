@@ -8,8 +8,7 @@ program test_damping_models
    use case_answers, only: check_refused, identified, answer_t, nl
    use checks, only: check, check_close, finish, in_long_run, skip
    use shell, only: beamid, close_shell, has_all, in_root, line_count, open_shell, outcome_t, &
-      read_file, &
-      replaced, write_file
+      read_file, replaced, unwrapped, write_file
    use tables, only: field, line, number
    implicit none
 
@@ -141,15 +140,6 @@ contains
          'The data reject: '//rejected) &
          > 0, head(:min(len(head), 400)))
    end subroutine check_truth
-
-   !> Returns text without the breaks of long lines.
-   function unwrapped(text)
-      character(len=*), intent(in) :: text
-      character(len=:), allocatable :: unwrapped
-
-      unwrapped = text
-      if (index(text, nl//'    ') > 0) unwrapped = replaced(text, nl//'    ', ' ')
-   end function unwrapped
 
    !> Frequencies that are off as those of another clamp do not change a comparison of damping
    !> ratios alone; with them, no model leaves residuals as small as the errors.

@@ -28,13 +28,13 @@ program test_model_checks
    call try_fit('no free parameter', model, t, a, [integer ::], 'no free parameter')
    call try_fit('E twice', model, t, a, [free_index('E'), free_index('E')], 'E twice')
    call try_fit('more samples than times', model, t(:59), a, [free_index('E')], &
-      '59 times and 60 samples')
+      '59 times (samples) and 60 values')
    call try_fit('two times exchanged', model, [t(:30), t(32), t(31), t(33:)], a, &
       [free_index('E')], 'time 0.31 of sample 32, not after')
    call try_fit('a sample that is no number', model, t, [a(:8), ieee_value(t(1), &
       ieee_quiet_nan), a(10:)], [free_index('E')], 'in sample 9')
    call try_fit('two starts of one parameter', model, t, a, [free_index('E')], &
-      'found 2 start values', start=[2e11_wp, 1.0_wp])
+      'found 2 values in start', start=[2e11_wp, 1.0_wp])
    call try_fit('the third of one sensor', model, t, a, [free_index('E')], 'found sensor 3', &
       sensor=3)
    t(7) = ieee_value(t(7), ieee_quiet_nan)

@@ -30,7 +30,7 @@ program test_modules
    character(len=*), parameter :: rooms = 'model discretization dynamics fit problem starts '// &
       'identification judgement'
    character(len=*), parameter :: with_texts(*) = [character(len=80) :: &
-      'fit/undetermined_directions.f90', 'judgement/score_tests.f90', 'judgement/verdicts.f90', &
+      'fit/undetermined_directions.f90', 'judgement/scores.f90', 'judgement/verdicts.f90', &
       'judgement/weak_estimates.f90', 'model/mechanisms.f90', 'model/parameter_names.f90', &
       'model/units.f90', 'problem/frequency_responses.f90', 'problem/modal_tables.f90', &
       'problem/observed_data.f90']

@@ -6,7 +6,7 @@ module shell
 
    public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, in_root, run
    public :: own_path, write_file, read_file, exists, remove_tree, in_scratch, line_count, replaced
-   public :: has_all, python_with
+   public :: has_all, python_with, unwrapped
 
    character(len=*), parameter :: line_feed = achar(10)
 
@@ -215,6 +215,16 @@ contains
       end do
       changed = changed//text(next:)
    end function replaced
+
+   !> A text of the program without the breaks of its long lines.
+   function unwrapped(text)
+      character(len=*), intent(in) :: text
+      character(len=:), allocatable :: unwrapped
+      character(len=*), parameter :: break = line_feed//'    '
+
+      unwrapped = text
+      if (index(text, break) > 0) unwrapped = replaced(text, break, ' ')
+   end function unwrapped
 
    !> Whether a text contains each of the words, which are separated by '|'.
    pure logical function has_all(text, words)

@@ -5,7 +5,6 @@ module beamid_sightings
    use beamid_driven_modes, only: weigh_driven_modes
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
-   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: two_pi, wp
    use beamid_spectra, only: line_t, near_mains, noise_near, order_of_multiple
    use beamid_stage_fits, only: stage_fit_t
@@ -73,10 +72,6 @@ contains
                if (sighting%verdict == 'seen' .and. modes > 0 .and. is_multiple(s, k, gain, &
                   lines, span)) sighting%verdict = merge('mains   ', 'harmonic', &
                   near_mains(sighting%model, span, 0.0_wp))
-               if (sighting%verdict == 'seen' .and. k <= modes) then
-                  if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
-                     sighting%verdict = 'harmonic'
-               end if
             end associate
             found = [found, sighting]
          end do
@@ -268,55 +263,6 @@ contains
       belongs_to_mode = any(abs(line%frequency - aimag(s)/two_pi) < max(3/span, line%decay/2, &
          tolerance*aimag(s)/two_pi))
    end function belongs_to_mode
-
-   !> Returns whether a mode and a multiple of the first mode's frequency form one broad line.
-   !>
-   !> This is so if, with the multiple in the model as well, J would fall by more than noise
-   !> explains and an estimate would move by more than the width of its interval. The multiple
-   !> decays at once or at n times the rate of the first mode.
-   !>
-   !> r            number of the record
-   !> row          number of residuals of the records before it
-   !> t, residual  (m) sample times [time] and residuals of the record [length/time**2]
-   !> s            (modes) roots of its structure [1/time]
-   !> k            number of the mode
-   logical function merges_with_harmonic(fit, r, row, t, residual, s, k) result(merges)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: r, row, k
-      real(wp), intent(in) :: t(:), residual(:)
-      complex(wp), intent(in) :: s(:)
-      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
-      integer, parameter :: highest = 12              ! order of a multiple
-      !> Jacobian, followed by cosine and sine of the multiple with either decay
-      real(wp) :: a(size(fit%jacobian, 1), size(fit%jacobian, 2) + 4), step(size(a, 2)), &
-         column_norm(size(a, 2)), gain
-      complex(wp) :: multiple(size(t))
-      integer :: j, m, n, order, rank
-
-      merges = .false.
-      if (k < 2 .or. fit%statistics%samples == 0 .or. size(a, 1) <= size(a, 2)) return
-      m = size(t)
-      n = size(fit%jacobian, 2)
-      order = nint(aimag(s(k))/aimag(s(1)))
-      ! The lines must be no further apart than the sum of their widths.
-      if (order < 2 .or. order > highest .or. abs(aimag(s(k)) - order*aimag(s(1))) > &
-         2*abs(real(s(k))) + 2*order*abs(real(s(1))) + 2*two_pi/(t(m) - t(1))) return
-      a(:, :n) = fit%jacobian
-      a(:, n + 1:) = 0
-      do j = 1, 2
-         multiple = exp(cmplx(merge(1, order, j == 1)*real(s(1)), order*aimag(s(1)), wp)*(t - t(1)))
-         a(row + 1:row + m, n + 2*j - 1) = real(multiple)
-         a(row + 1:row + m, n + 2*j) = aimag(multiple)
-      end do
-      column_norm = norm2(a, dim=1)
-      if (.not. all(column_norm > 0)) return
-      call least_squares_step(a, fit%fit%residual, 1/column_norm, spread(.true., 1, size(step)), &
-         independent, step, rank)
-      gain = (sum(fit%fit%residual**2) - sum((fit%fit%residual + matmul(a, step))**2))/ &
-         noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
-      if (gain > least_gain) merges = any(abs(step(:size(fit%free))) > &
-         2*fit%statistics%corrected_half_width(:size(fit%free)))
-   end function merges_with_harmonic
 
    !> Sets peak, share and verdict of a mode from the spectral line nearest to it, unless that is
    !> further away than both the resolution 1/span and 1 % of the frequency.
