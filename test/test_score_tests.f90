@@ -13,7 +13,6 @@ program test_score_tests
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use beamid_verdicts, only: new_verdict, verdict_t
    use checks, only: check, finish, in_long_run
    use free_decays, only: formulas, made, mesh, noise_of, noisy, stage_for, truth
    use models, only: model_of
@@ -33,7 +32,6 @@ program test_score_tests
    call test_two_modes()
    call test_prior()
    call test_free_prior()
-   call test_multiple()
    call finish('score_tests')
 
 contains
@@ -148,35 +146,6 @@ contains
          to_text(false_alarms))
    end subroutine test_free_prior
 
-   !> Records with an oscillation at a multiple of the first mode's frequency, which begins with six
-   !> standard deviations of the noise: the test finds it, and the change that it predicts brings E
-   !> closer to the true value. The oscillation shifts E by about half a half width, that is one
-   !> standard error, so that one record in ten may not show it. Records without it are those of the
-   !> right models.
-   subroutine test_multiple()
-      type(score_test_t), allocatable :: tests(:)
-      type(stage_fit_t) :: fit
-      integer, parameter :: records = 10
-      integer :: closer, found, k, place
-
-      strip%c_D = truth%c_D
-      found = 0
-      closer = 0
-      do k = 1, records
-         call test_record(strip, 2, 3000 + k, .true., tests, fit=fit, multiple=6.0_wp)
-         place = place_of(tests, 'multiple')
-         call check('a multiple is a candidate', place > 0)
-         if (place == 0) return
-         associate (one => tests(place), E => fit%quantities(1)%value)
-            call check('the multiple is that beside mode 2', one%mode == 2 .and. one%order > 1)
-            if (one%matters) found = found + 1
-            if (abs(E + one%shift(1) - strip%E) < abs(E - strip%E)) closer = closer + 1
-         end associate
-      end do
-      call check('a multiple beside mode 2 is found', found >= 9, to_text(found)//' of 10')
-      call check('its shift moves E to the true value', closer >= 9, to_text(closer)//' of 10')
-   end subroutine test_multiple
-
    !> Fits a record of a structure by the model without the property, and tests the candidates.
    !>
    !> modes    of the record that the fit takes
@@ -184,11 +153,7 @@ contains
    !> without  a parameter that the fit must not estimate
    !> sd       standard deviation of a prior about the value of `strip`
    !> of       parameter of this prior; default gamma
-   !> fit      the fit
-   !> multiple amplitude of an oscillation that the record contains in addition, in standard
-   !>          deviations of the noise; its frequency is the multiple of that of mode 1 beside that
-   !>          of mode 2
-   subroutine test_record(structure, modes, seed, offset, tests, without, sd, of, fit, multiple)
+   subroutine test_record(structure, modes, seed, offset, tests, without, sd, of)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: modes, seed
       logical, intent(in) :: offset
@@ -196,11 +161,7 @@ contains
       character(len=*), intent(in), optional :: without
       real(wp), intent(in), optional :: sd
       character(len=*), intent(in), optional :: of
-      type(stage_fit_t), intent(out), optional :: fit
-      real(wp), intent(in), optional :: multiple
       type(experiment_t) :: experiment
-      type(verdict_t) :: verdict
-      real(wp), allocatable :: times(:)
       type(model_t) :: model
       type(prior_t) :: prior
       type(stage_t) :: stage
@@ -209,9 +170,8 @@ contains
       integer :: k
 
       ! Three modes are left after three seconds, two after fifteen.
-      times = merge(3.0_wp, 15.0_wp, modes == 3) + 0.002_wp*[(k, k=1, 400)]
-      if (present(multiple)) times = 0.5_wp + 0.01_wp*[(k, k=1, 400)]
-      experiment = made(structure, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), times)
+      experiment = made(structure, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), &
+         merge(3.0_wp, 15.0_wp, modes == 3) + 0.002_wp*[(k, k=1, 400)])
       experiment%excitation = new_free(modes)
       experiment = noisy(experiment, gaussian_noise(400, 0.1_wp*noise_of(experiment), seed))
       model = model_of(strip, new_free(modes), formulas(3))
@@ -236,18 +196,8 @@ contains
       end if
       call identify(model, mesh, [stage], [experiment], fits, error)
       call check('the record is fitted', .not. allocated(error))
-      if (.not. allocated(error)) call new_verdict([experiment], mesh, fits(1), verdict, error)
-      if (present(multiple) .and. .not. allocated(error)) then
-         associate (t => experiment%samples, s => verdict%s(:, 1))
-            experiment%measured = experiment%measured + multiple*0.1_wp*noise_of(experiment)*real( &
-               exp(nint(aimag(s(2))/aimag(s(1)))*s(1)*(t - t(1))))
-         end associate
-         call identify(model, mesh, [stage], [experiment], fits, error)
-         if (.not. allocated(error)) call new_verdict([experiment], mesh, fits(1), verdict, error)
-      end if
       if (.not. allocated(error)) call test_candidates(model, mesh, [experiment], fits(1), tests, &
-         error, verdict%s)
-      if (present(fit) .and. .not. allocated(error)) fit = fits(1)
+         error)
       call check('the candidates are tested', .not. allocated(error))
       if (allocated(error)) allocate (tests(0))
    end subroutine test_record

@@ -129,7 +129,9 @@ contains
             up_to = below + 1
             if (.not. sorted(min(below + 2, size(sorted))) > draws(i, j)) &
                up_to = count_below(draws(i, j), .true.)
-            ! The scores are symmetric: half of them are known.
+            ! The scores are symmetric: that of the middle is 0, and half of the others are known.
+            scores(i, j) = 0
+            if (below + up_to == size(sorted)) cycle
             k = min(below + up_to, 2*size(sorted) - below - up_to)
             if (.not. known(k) < 0) known(k) = normal_quantile(((k + 1)/2.0_wp - 0.375_wp) &
                /(size(sorted) + 0.25_wp))

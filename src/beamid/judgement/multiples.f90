@@ -1,38 +1,87 @@
-!> Multiples of the first mode's frequency beside the higher modes of a free decay.
+!> Tests whether free decays contain oscillations at multiples of the first mode's frequency beside
+!> the higher modes.
 !>
 !> A spring, a clamp or a sensor that is not linear adds oscillations at the multiples of the
 !> frequency of the first mode. Such an oscillation beside a mode shifts the estimate of its
 !> frequency, even if the record shows one line only.
+!>
+!> One multiple is tested for each mode, in all records at once: many small ones may move an
+!> estimate that none of them moves alone. In each record it is any combination of cosine and sine,
+!> which decay at the rate of the first mode, like an error of the sensor in proportion to the
+!> motion, or at n times this rate, like the n-th power of the motion. Small residuals near a mode
+!> that have another cause, such as a damping that changes, look alike.
 module beamid_multiples
    use beamid_condensation, only: condense, condensed_t, rows_t
+   use beamid_distributions, only: chi_square_tail, incomplete_beta
+   use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kernels, only: block_rows
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: two_pi, wp
+   use beamid_scores, only: chance, find_largest_shift, large_shift, leaves_round_off, &
+      score_test_t
+   use beamid_spectra, only: noise_near
+   use beamid_stage_fits, only: stage_fit_t
    implicit none
    private
 
-   public :: order_beside, explain_by_multiple, columns
+   public :: test_multiples
 
-   integer, parameter :: columns = 4   !< number of factors of the oscillation at a multiple
+   integer, parameter :: waves = 4   !< cosine and sine with either decay
 
-   !> The rows of a fit with the oscillation at a multiple as further unknowns.
-   type, extends(rows_t) :: wider_rows_t
+   !> The rows of one record: the oscillation, if it is tested there, the estimates, the residuals.
+   type, extends(rows_t) :: record_rows_t
       real(wp), pointer :: jacobian(:, :) => null(), residual(:) => null()
-      real(wp), pointer :: t(:) => null()   !< sample times of the record [time]
-      integer :: first = 1                  !< row of its first sample
-      integer :: order = 2                  !< of the multiple
+      real(wp), pointer :: t(:) => null()   !< (rows) sample times [time]
+      integer :: order = 0                  !< of the multiple; 0: none
       complex(wp) :: s = 0                  !< root of the first mode [1/time]
    contains
       procedure :: fill, oscillation
-   end type wider_rows_t
+   end type record_rows_t
 
 contains
 
+   !> Tests multiples of the first mode's frequency, and extends the intervals of the estimates that
+   !> one of them moves.
+   !>
+   !> s      (modes, records) roots of the fitted structures [1/time]
+   !> fit    with statistics; on return with extended intervals
+   !> tests  one for each mode beside a multiple, of size 0 if there is none
+   subroutine test_multiples(experiments, s, fit, tests)
+      type(experiment_t), intent(in) :: experiments(:)
+      complex(wp), intent(in) :: s(:, :)
+      type(stage_fit_t), intent(inout) :: fit
+      type(score_test_t), allocatable, intent(out) :: tests(:)
+      integer :: orders(size(experiments)), k, r
+
+      allocate (tests(0))
+      if (fit%statistics%samples == 0 .or. size(fit%free) == 0 .or. fit%note /= '' .or. &
+         size(fit%jacobian, 2) /= size(fit%quantities)) return
+      if (leaves_round_off(experiments, fit)) return
+      do k = 2, size(s, 1)
+         orders = 0
+         do r = 1, size(experiments)
+            if (k <= experiments(r)%excitation%modes .and. size(experiments(r)%samples) > 0) &
+               orders(r) = order_beside(s(:, r), k)
+         end do
+         if (any(orders > 0)) tests = [tests, test_of_mode(experiments, s, orders, k, fit)]
+      end do
+      do k = 1, size(tests)
+         associate (one => tests(k))
+            ! A multiple that moves nothing is a spectral line of its own, and residuals that
+            ! vanish on a finer mesh are errors of the mesh.
+            one%rejects = one%p_value < chance/size(tests) .and. one%moves > large_shift .and. &
+               one%decrease > 2*fit%mesh_decrease
+            one%matters = one%rejects
+            if (one%matters) call fit%extend(one%shift(:size(fit%free)))
+         end associate
+      end do
+   end subroutine test_multiples
+
    !> Returns the order of the multiple of the first mode's frequency next to a mode; 0: the mode is
-   !> too low or too high for a multiple.
+   !> too low or too high, or the mode before it is beside the same one.
    !>
    !> s  (modes) roots [1/time]
-   !> k  number of the mode
+   !> k  number of the mode, from 2
    pure integer function order_beside(s, k) result(order)
       complex(wp), intent(in) :: s(:)
       integer, intent(in) :: k
@@ -40,85 +89,145 @@ contains
 
       order = 0
       if (.not. aimag(s(1)) > 0) return
-      if (aimag(s(k)) < (highest + 0.5_wp)*aimag(s(1))) order = nint(aimag(s(k))/aimag(s(1)))
-      if (order < 2) order = 0
+      if (aimag(s(k)) > (highest + 0.5_wp)*aimag(s(1))) return
+      order = nint(aimag(s(k))/aimag(s(1)))
+      if (order < 2 .or. order == nint(aimag(s(k - 1))/aimag(s(1)))) order = 0
    end function order_beside
 
-   !> Computes the oscillation at a multiple of the first mode's frequency that, together with
-   !> changes of the estimates, reduces the residuals of a fit most.
+   !> Tests the multiples beside one mode.
    !>
-   !> The oscillation is any combination of cosine and sine, each of which decays at the rate of the
-   !> first mode, like an error of the sensor in proportion to the motion, or at n times this rate,
-   !> like the n-th power of the motion.
+   !> The decrease of J in units of the variance of the noise around the frequency has a chi-square
+   !> distribution; other lines in the residuals do not count as noise. In short records this
+   !> variance is uncertain. Therefore the F test of the whole decrease must reject the model, too.
    !>
-   !> t         (m) sample times of a record [time]
-   !> s         root of the first mode [1/time]
-   !> order     n, of the multiple
-   !> first     row of the residuals that belongs to the first sample
-   !> jacobian  (rows, quantities) derivatives of all residuals
-   !> residual  (rows)
-   !> d         (rows) the oscillation, in the unit of the residuals; 0 if it cannot be computed
-   subroutine explain_by_multiple(t, s, order, first, jacobian, residual, d)
-      real(wp), intent(in), target :: t(:), jacobian(:, :), residual(:)
-      complex(wp), intent(in) :: s
-      integer, intent(in) :: order, first
-      real(wp), intent(out) :: d(:)
-      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
-      type(wider_rows_t) :: rows
+   !> s       (modes, records) roots [1/time]
+   !> orders  (records) of the multiple; 0: the record is not tested
+   !> k       number of the mode
+   function test_of_mode(experiments, s, orders, k, fit) result(one)
+      type(experiment_t), intent(in), target :: experiments(:)
+      complex(wp), intent(in) :: s(:, :)
+      integer, intent(in) :: orders(:), k
+      type(stage_fit_t), intent(in), target :: fit
+      type(score_test_t) :: one
+      type(record_rows_t) :: rows
       type(condensed_t) :: condensed
-      real(wp), dimension(size(jacobian, 2) + columns) :: length, step
-      integer :: k, n, rank
+      real(wp) :: a(size(experiments)*(size(fit%jacobian, 2) + waves) + size(fit%jacobian, 1) &
+         - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1)), step(size(a, 2))
+      real(wp), dimension(size(experiments)) :: after, before, gain
+      real(wp) :: left
+      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, total, &
+         used
 
-      d = 0
-      n = size(jacobian, 2)
-      rows%rows = size(jacobian, 1)
-      rows%columns = n + columns
-      if (rows%rows <= rows%columns) return
-      rows%jacobian => jacobian
-      rows%residual => residual
-      rows%t => t
-      rows%first = first
-      rows%order = order
-      rows%s = s
-      call condense(rows, condensed)
-      length = norm2(condensed%factor, dim=1)
-      if (.not. all(length > 0)) return
-      call least_squares_step(condensed%factor, condensed%y, 1/length, spread(.true., 1, &
-         size(step)), independent, step, rank)
-      do k = 1, size(t)
-         d(first + k - 1) = dot_product(rows%oscillation(k), step(n + 1:))
+      n = size(step)
+      m = size(fit%residual)
+      ends = 0
+      used = 0
+      last = 0
+      do r = 1, size(experiments)
+         first = last + 1
+         last = last + size(experiments(r)%measured)
+         rows%rows = last - first + 1
+         rows%order = orders(r)
+         rows%columns = n + merge(waves, 0, orders(r) > 0)
+         rows%s = s(1, r)
+         rows%t => experiments(r)%samples
+         rows%jacobian => fit%jacobian(first:last, :)
+         rows%residual => fit%fit%residual(first:last)
+         call condense(rows, condensed)
+         before(r) = sum(fit%fit%residual(first:last)**2)
+         after(r) = condensed%left**2
+         call add_rows(condensed, a, y, ends(r - 1), ends(r))
+         used = used + rows%columns - (ends(r) - ends(r - 1))
       end do
-   end subroutine explain_by_multiple
+      ! Rows of priors and penalties follow those of the records.
+      last = ends(size(experiments))
+      a(last + 1:last + size(fit%jacobian, 1) - m, :) = fit%jacobian(m + 1:, :)
+      y(last + 1:last + size(fit%jacobian, 1) - m) = fit%fit%residual(m + 1:)
+      total = last + size(fit%jacobian, 1) - m
+      one = score_test_t(name='multiple', mode=k, shift=spread(0.0_wp, 1, n))
+      freedom = size(fit%jacobian, 1) - n - used
+      if (used == 0 .or. freedom < 1) return
+      call least_squares_step(a(:total, :), y(:total), fit%quantities%scale, spread(.true., 1, &
+         n), epsilon(step)*m, step, rank)
+      y(:total) = y(:total) + matmul(a(:total, :), step)
+      do r = 1, size(experiments)
+         after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
+      end do
+      gain = before - after
+      last = 0
+      do r = 1, size(experiments)
+         first = last + 1
+         last = last + size(experiments(r)%measured)
+         if (orders(r) > 0) then
+            gain(r) = gain(r)/(fit%weight(r)**2*noise_near(experiments(r)%samples, &
+               fit%residual(first:last), orders(r)*aimag(s(1, r))/two_pi, -real(s(1, r))))
+         else
+            gain(r) = gain(r)/fit%statistics%variance
+         end if
+      end do
+      r = maxloc(gain, dim=1, mask=orders > 0)
+      one%record = r
+      one%order = orders(r)
+      one%value = orders(r)*aimag(s(1, r))/two_pi
+      one%fades = orders(r)*real(s(1, r)) < real(s(k, r))
+      one%shift = step
+      left = (sum(after) + sum(y(ends(size(experiments)) + 1:total)**2))/sum(fit%fit%residual**2)
+      one%decrease = 1 - left
+      one%p_value = max(chi_square_tail(sum(gain), real(used, wp)), &
+         incomplete_beta(freedom/2.0_wp, used/2.0_wp, min(1.0_wp, left)))
+      call find_largest_shift(fit, one)
+   end function test_of_mode
 
-   !> Computes a block of rows.
+   !> Adds the condensed rows of a record without those that the oscillation can make 0.
+   !>
+   !> a, y    rows so far, in the first `before` ones
+   !> last    number of rows on return
+   subroutine add_rows(condensed, a, y, before, last)
+      type(condensed_t), intent(in) :: condensed
+      real(wp), intent(inout) :: a(:, :), y(:)
+      integer, intent(in) :: before
+      integer, intent(out) :: last
+      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
+      integer :: j, w
+
+      w = size(condensed%factor, 2) - size(a, 2)
+      last = before
+      do j = 1, size(condensed%factor, 1)
+         if (j <= w) then
+            if (abs(condensed%factor(j, j)) > independent*norm2(condensed%factor(:j, j))) cycle
+         end if
+         last = last + 1
+         a(last, :) = condensed%factor(j, w + 1:)
+         y(last) = condensed%y(j)
+      end do
+   end subroutine add_rows
+
+   !> Computes a block of rows of one record.
    subroutine fill(self, first, x)
-      class(wider_rows_t), intent(in) :: self
+      class(record_rows_t), intent(in) :: self
       integer, intent(in) :: first
       real(wp), intent(inout), contiguous :: x(:, :)
-      integer :: k, last, n
+      integer :: k, last, w
 
-      n = size(self%jacobian, 2)
       last = min(first + block_rows - 1, self%rows)
-      x(:last - first + 1, :n) = self%jacobian(first:last, :)
-      x(:last - first + 1, n + columns + 1) = self%residual(first:last)
-      do k = first, last
-         x(k - first + 1, n + 1:n + columns) = self%oscillation(k - self%first + 1)
-      end do
+      w = self%columns - size(self%jacobian, 2)
+      if (w > 0) then
+         do k = first, last
+            x(k - first + 1, :w) = self%oscillation(k)
+         end do
+      end if
+      x(:last - first + 1, w + 1:self%columns) = self%jacobian(first:last, :)
+      x(:last - first + 1, self%columns + 1) = self%residual(first:last)
    end subroutine fill
 
-   !> Returns cosine and sine of the multiple at a sample, with either decay; 0 if the sample is not
-   !> of the record.
-   !>
-   !> k  number of the sample in the record
+   !> Returns cosine and sine of the multiple at sample k, with either decay.
    pure function oscillation(self, k) result(values)
-      class(wider_rows_t), intent(in) :: self
+      class(record_rows_t), intent(in) :: self
       integer, intent(in) :: k
-      real(wp) :: values(columns)
+      real(wp) :: values(waves)
       real(wp) :: decay, time
       complex(wp) :: slow
 
-      values = 0
-      if (k < 1 .or. k > size(self%t)) return
       time = self%t(k) - self%t(1)
       decay = real(self%s)*time
       slow = exp(cmplx(decay, self%order*aimag(self%s)*time, wp))

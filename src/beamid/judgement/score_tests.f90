@@ -23,16 +23,15 @@ module beamid_score_tests
    use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: run_stages
-   use beamid_kinds, only: two_pi, wp
-   use beamid_multiples, only: columns, explain_by_multiple, order_beside
+   use beamid_kinds, only: wp
    use beamid_parameter_names, only: name_of_parameter
    use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: priors_of
    use beamid_record_errors, only: differentiate_error, errors_of
    use beamid_residuals, only: residual_t
-   use beamid_scores, only: find_largest_shift, score_test_t, test
+   use beamid_scores, only: chance, find_largest_shift, large_shift, leaves_round_off, &
+      score_test_t, test
    use beamid_simulation, only: model_t
-   use beamid_spectra, only: noise_near
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
    use beamid_structure, only: J_S_at, m_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
       structure_t, x_S_at, yielding
@@ -44,35 +43,23 @@ module beamid_score_tests
 
    public :: score_test_t, test_candidates
 
-   !> Significance level of all tests together, with which they reject the model.
-   real(wp), parameter :: chance = 0.01_wp
-   !> Least shift that matters, in half widths.
-   real(wp), parameter :: large_shift = 0.5_wp
-
 contains
 
    !> Tests k_R, J_S, gamma, c_D and x_S, eta if no record is a function of time, and the errors of
    !> each record (`errors_of`), as far as the fit has not estimated them. J_S and x_S are those of
    !> the sensor of the first record.
    !>
-   !> Also tests whether a free decay contains a multiple of the first mode's frequency beside
-   !> another mode.
-   !>
    !> fit    result of one stage, with statistics
    !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
    !>        no noise, has fixed a parameter of its stage, or has no exact response
    !> error  the response cannot be computed
-   !> s      (modes, records) roots of the fitted structures [1/time]; absent: no multiple is tested
-   subroutine test_candidates(model, mesh, experiments, fit, tests, error, s)
+   subroutine test_candidates(model, mesh, experiments, fit, tests, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), allocatable, intent(out) :: tests(:)
       type(error_t), allocatable, intent(out) :: error
-      complex(wp), intent(in), optional :: s(:, :)
-      !> Residuals below this share of the records are round-off, which is no noise.
-      real(wp), parameter :: round_off = 1e-9_wp
       type(residual_t) :: problem
       real(wp), allocatable :: d(:)
       integer, allocatable :: candidates(:)
@@ -82,8 +69,7 @@ contains
 
       allocate (tests(0))
       if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
-      if (norm2(fit%residual) <= round_off*norm2([(norm2(experiments(k)%measured), &
-         k=1, size(experiments))])) return
+      if (leaves_round_off(experiments, fit)) return
       ! If the start search has fixed a parameter, the tests would only find this parameter.
       if (fit%note /= '') return
       call exact_counterpart(model, mesh, experiments, [fit%free, of_kappa_R], problem)
@@ -117,7 +103,6 @@ contains
          end associate
       end do
       call test_records(experiments, fit, .not. problem%offset, tests)
-      if (present(s)) call test_multiples(experiments, fit, s, tests)
       call decide(fit, tests)
    end subroutine test_candidates
 
@@ -156,44 +141,6 @@ contains
       end do
       call move_alloc(more, tests)
    end subroutine test_records
-
-   !> Tests whether each free decay contains multiples of the first mode's frequency, one for each
-   !> other mode that was fitted.
-   !>
-   !> The decrease of J in units of the variance of the noise around the frequency has a chi-square
-   !> distribution. (Other lines and modes in the residuals say nothing of this noise.)
-   !>
-   !> s      (modes, records) roots [1/time]
-   !> tests  to which these tests are added
-   subroutine test_multiples(experiments, fit, s, tests)
-      type(experiment_t), intent(in) :: experiments(:)
-      type(stage_fit_t), intent(in) :: fit
-      complex(wp), intent(in) :: s(:, :)
-      type(score_test_t), allocatable, intent(inout) :: tests(:)
-      type(score_test_t) :: one
-      real(wp) :: d(size(fit%jacobian, 1))
-      integer :: first, k, order, r
-
-      first = 1
-      do r = 1, size(experiments)
-         do k = 2, min(experiments(r)%excitation%modes, size(s, 1))
-            if (size(experiments(r)%samples) == 0) exit
-            order = order_beside(s(:, r), k)
-            ! Of two modes beside one multiple, the first is tested.
-            if (order == 0 .or. order == order_beside(s(:, r), k - 1)) cycle
-            one = score_test_t(name='multiple', record=r, order=order, mode=k)
-            call explain_by_multiple(experiments(r)%samples, s(1, r), order, first, fit%jacobian, &
-               fit%fit%residual, d)
-            call test(fit, d, 0.0_wp, [-huge(d), huge(d)], sd=0.0_wp, one=one)
-            one%value = order*aimag(s(1, r))/two_pi
-            one%p_value = chi_square_tail(one%decrease*fit%fit%J/(fit%weight(r)**2*noise_near( &
-               experiments(r)%samples, fit%residual(first:first + size(experiments(r)%samples) &
-               - 1), one%value, -real(s(1, r)))), real(columns, wp))
-            tests = [tests, one]
-         end do
-         first = first + size(experiments(r)%measured)
-      end do
-   end subroutine test_multiples
 
    !> Lists the parameters to test: those that the structure has and the fit has not estimated.
    !>
@@ -329,8 +276,6 @@ contains
 
       counts = (tests%moves > large_shift .or. tests%decrease > significant_decrease) .and. &
          (tests%name == 'offset' .or. tests%decrease > 2*fit%mesh_decrease)
-      ! A multiple that moves nothing is a spectral line of its own.
-      where (tests%name == 'multiple') counts = counts .and. tests%moves > large_shift
       ! The penalty on a field distorts the motion as if its size were another one.
       if (any(fit%strength > 0)) counts = counts .and. tests%name /= 'scale' .and. &
          tests%name /= 'delay'

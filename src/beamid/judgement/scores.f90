@@ -1,6 +1,7 @@
 !> The score test of one candidate: a parameter, an error of a record, or an oscillation that the
 !> model leaves out (`beamid_score_tests`).
 module beamid_scores
+   use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_parameter_names, only: name_length
@@ -9,7 +10,12 @@ module beamid_scores
    implicit none
    private
 
-   public :: score_test_t, test, find_largest_shift
+   public :: score_test_t, test, find_largest_shift, leaves_round_off
+
+   !> Significance level of all tests together, with which they reject the model.
+   real(wp), parameter, public :: chance = 0.01_wp
+   !> Least shift that matters, in half widths.
+   real(wp), parameter, public :: large_shift = 0.5_wp
 
    !> The test of one candidate.
    type :: score_test_t
@@ -19,6 +25,7 @@ module beamid_scores
       integer :: record = 0                !< of this error; 0: all records
       !> of a multiple of the first mode's frequency: its order, and the fitted mode next to it
       integer :: order = 0, mode = 0
+      logical :: fades = .false.           !< whether its n-th power decays faster than the mode
       !> Probability of a score at least this large if the candidate has the model's value.
       real(wp) :: p_value = 1
       !> Estimate of the candidate by one Gauss-Newton step or by the refit; a spring as stiffness;
@@ -51,7 +58,8 @@ contains
       case ('delay')
          text = 'check the trigger and the clocks'
       case ('multiple')
-         text = 'look at the spectrum there, and begin the window later, when the motion is smaller'
+         text = 'record a smaller motion'
+         if (self%fades) text = text//', or begin later (t_first)'
       case default
          text = 'add '''//trim(self%name)//''' to free'
       end select
@@ -101,6 +109,17 @@ contains
       one%decrease = change**2*length/fit%fit%J
       call find_largest_shift(fit, one)
    end subroutine test
+
+   !> Tells whether the residuals are errors of computation, which are no noise.
+   pure logical function leaves_round_off(experiments, fit)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), parameter :: round_off = 1e-9_wp   ! share of the records
+      integer :: k
+
+      leaves_round_off = norm2(fit%residual) <= round_off*norm2([(norm2(experiments(k)%measured), &
+         k=1, size(experiments))])
+   end function leaves_round_off
 
    !> Notes which estimate the candidate moves most, in units of the estimate's half width.
    subroutine find_largest_shift(fit, one)

@@ -54,8 +54,7 @@ contains
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
       type(error_t), allocatable :: error
-      logical, dimension(size(found%free)) :: extended, is_endless
-      character(len=:), allocatable :: lost
+      logical, dimension(size(found%free)) :: extended, is_endless, ends_early
       integer :: k, direction
 
       if (.not. any([(is_weak(found, k), k=1, size(found%free))])) return
@@ -66,7 +65,7 @@ contains
       if (allocated(error)) return
       extended = .false.
       is_endless = .false.
-      lost = ''
+      ends_early = .false.
       do k = 1, size(found%free)
          if (.not. is_weak(found, k)) cycle
          do direction = -1, 1, 2
@@ -80,8 +79,8 @@ contains
          'intervals follow the profile of J')
       if (any(is_endless)) call add_note('not determined, because J never rises to its 95 % '// &
          'level:'//names_of(is_endless))
-      if (lost /= '') call add_note('the profile of J ends early for'//lost//', so that the '// &
-         'interval may be too narrow')
+      if (any(ends_early)) call add_note('the profile of J ends early for'//names_of(ends_early)// &
+         ', so that the interval may be too narrow')
 
    contains
 
@@ -109,7 +108,7 @@ contains
             end if
          end associate
          if (side%state == is_lost) then
-            lost = lost//' '//trim(found%quantities(k)%name)
+            ends_early(k) = .true.
             found%statistics%determined(k) = .false.
          end if
          do i = 1, size(side%J)

@@ -267,7 +267,8 @@ contains
 
    !> Says what the intervals of profiles, draws and resampled records leave out: the error of the
    !> mesh, if a finer one moves an estimate by a good part of its half width (the mesh is chosen by
-   !> total intervals, which may be much wider), and the errors of fixed parameters.
+   !> total intervals, which may be much wider), what the model may lack, and the errors of fixed
+   !> parameters.
    subroutine add_left_out(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -287,6 +288,12 @@ contains
          call text%line('these intervals do not include the error of the mesh: a finer mesh '// &
             'than N = '//to_text(fit%elements)//' shifts '//trim(fit%quantities(k)%name)//' by '// &
             rounded(shifts(k), 2)//' times the half width of linear theory; set more elements')
+      end if
+      if (allocated(fit%reach) .and. fit%other == '') then
+         able = any(fit%reach > 0, dim=1)
+         if (any(able)) call text%line('these intervals assume that the model lacks nothing; '// &
+            'the total intervals of identify reach further for '// &
+            listed(pack(fit%quantities(:size(able))%name, able), ', '))
       end if
       if (.not. allocated(fit%held)) return
       if (size(fit%held) == 0) return

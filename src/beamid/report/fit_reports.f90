@@ -47,8 +47,9 @@ contains
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          if (found%verdict%early /= '') call text%line(found%verdict%early)
          if (found%verdict%no_fit == '') call add_drifts(text, last, found%drift)
-         if (found%verdict%no_fit == '') call add_score_lines(text, case, last, found%tests)
-         call add_score_table(output, last, found%tests)
+         if (found%verdict%no_fit == '') call add_score_lines(text, case, last, &
+            [found%tests, found%multiples])
+         call add_score_table(output, last, [found%tests, found%multiples])
       end associate
       call text%add(fit_summary(case, found%experiments, found%fits, found%notes, found%verdict))
       if (size(found%minima) > 0) then

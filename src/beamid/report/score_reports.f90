@@ -45,13 +45,14 @@ contains
                line = contradicts(one)//' the times of record '//to_text(one%record)// &
                   ': with a delay of '//trim(rounded(one%value, 3)//' '//case%units%time)//','
             case ('multiple')
-               line = 'a multiple of mode 1 in record '//to_text(one%record)//' ('// &
-                  to_text(one%order)//' times, at '//rounded(one%value, 4)//', beside mode '// &
-                  to_text(one%mode)//'), which the model leaves out, '//significance(one)// &
-                  ': with it,'
+               line = 'the residuals beside mode '//to_text(one%mode)//' of record '// &
+                  to_text(one%record)//' look like an oscillation at '//to_text(one%order)// &
+                  ' times the frequency of mode 1 ('//trim(rounded(one%value, 4)//' '// &
+                  case%units%frequency())//'): with it,'
             case default
-               line = trim(one%name)//', which the model leaves out, '//significance(one)// &
-                  ': with '//trim(one%name)//' = '//trim(rounded(one%value, 3)//' '// &
+               line = trim(one%name)//', which the model leaves out, '//trim(merge( &
+                  'is significant     ', 'may matter as well ', one%rejects))//': with '// &
+                  trim(one%name)//' = '//trim(rounded(one%value, 3)//' '// &
                   case%units%of_quantity(one%parameter, fit%scenario%excitations(1)))//','
             end select
             line = line// &
@@ -74,15 +75,6 @@ contains
       text = 'the model contradicts'
       if (.not. one%rejects) text = 'the model may also contradict'
    end function contradicts
-
-   !> Returns what the test says of a candidate that the model leaves out.
-   pure function significance(one) result(text)
-      type(score_test_t), intent(in) :: one
-      character(len=:), allocatable :: text
-
-      text = 'is significant'
-      if (.not. one%rejects) text = 'may matter as well'
-   end function significance
 
    !> Adds score_tests.csv: each candidate with its p-value, the largest shift of an estimate in
    !> half widths of its interval, and that estimate.

@@ -15,6 +15,7 @@ module beamid_case_fits
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_memory, only: return_memory
+   use beamid_multiples, only: test_multiples
    use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_range_limits, only: judge_ranges
    use beamid_records, only: add_note, note_length
@@ -46,7 +47,7 @@ module beamid_case_fits
       type(verdict_t) :: verdict                               !< on the last stage, finest mesh
       type(window_fit_t), allocatable :: windows(:)            !< of size 0: no &windows
       type(drift_t) :: drift                                   !< whether parameters are constant
-      type(score_test_t), allocatable :: tests(:)  !< of size 0: not asked for, or impossible
+      type(score_test_t), allocatable :: tests(:), multiples(:)   !< of size 0: none
    end type case_fit_t
 
 contains
@@ -60,7 +61,7 @@ contains
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
 
-      allocate (found%minima(0), found%windows(0), found%tests(0))
+      allocate (found%minima(0), found%windows(0), found%tests(0), found%multiples(0))
       call load_experiments(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_responses(case, found%experiments, found%notes, error)
@@ -203,9 +204,8 @@ contains
             windows = default_windows(found%experiments, last, found%verdict%sightings(1)%model)
             if (windows > 0) call find_drifts(found%experiments, windows, last, found%drift)
          end if
-         do k = 1, size(last%free)
-            if (last%is_widened(k)) last%statistics%determined(k) = .false.
-         end do
+         where ([(last%is_widened(k), k=1, size(last%free))]) &
+            last%statistics%determined(:size(last%free)) = .false.
       end associate
       call check_interrupt(error)
 
@@ -232,6 +232,7 @@ contains
                if (found%verdict%caution//found%verdict%no_fit /= '') &
                   last%statistics%determined = .false.
                call judge_ranges(case%model, mesh, found%experiments, last)
+               call test_multiples(found%experiments, found%verdict%s, last, found%multiples)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
                if (found%verdict%no_fit == '' .and. is_exact(case%model%solver)) &
                   call widen_weak_estimates(case%model, mesh, found%experiments, last, monitor)
@@ -374,7 +375,7 @@ contains
       integer :: k
 
       call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
-         found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed, found%verdict%s)
+         found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed)
       call check_interrupt(error)
       if (allocated(error) .or. allocated(failed)) return
       call move_alloc(tests, found%tests)
@@ -382,16 +383,15 @@ contains
          do k = 1, size(found%tests)
             if (found%tests(k)%matters) call last%extend(found%tests(k)%shift(:size(last%free)))
          end do
-         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects .and. &
-            found%tests%name /= 'multiple')
+         k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects)
          if (k == 0) return
          if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//', the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()
-         ! What is to be free must be a parameter or the offset.
+         ! Scale and delay cannot be free.
          k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects .and. &
-            (found%tests%parameter > 0 .or. found%tests%name == 'offset'))
+            found%tests%name /= 'scale' .and. found%tests%name /= 'delay')
          if (k > 0) call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), &
             found%experiments, found%verdict, last, missing=trim(found%tests(k)%name))
       end associate
