@@ -114,9 +114,8 @@ contains
       real(wp) :: a(size(experiments)*(size(fit%jacobian, 2) + waves) + size(fit%jacobian, 1) &
          - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1)), step(size(a, 2))
       real(wp), dimension(size(experiments)) :: after, before, gain
-      real(wp) :: left
-      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, total, &
-         used
+      real(wp) :: left, noise
+      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, total, used
 
       n = size(step)
       m = size(fit%residual)
@@ -159,11 +158,12 @@ contains
          first = last + 1
          last = last + size(experiments(r)%measured)
          if (orders(r) > 0) then
-            gain(r) = gain(r)/(fit%weight(r)**2*noise_near(experiments(r)%samples, &
-               fit%residual(first:last), orders(r)*aimag(s(1, r))/two_pi, -real(s(1, r))))
+            noise = fit%weight(r)**2*noise_near(experiments(r)%samples, fit%residual(first:last), &
+               orders(r)*aimag(s(1, r))/two_pi, -real(s(1, r)))
          else
-            gain(r) = gain(r)/fit%statistics%variance
+            noise = fit%statistics%variance
          end if
+         gain(r) = gain(r)/max(noise, tiny(noise))
       end do
       r = maxloc(gain, dim=1, mask=orders > 0)
       one%record = r
