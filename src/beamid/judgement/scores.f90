@@ -20,16 +20,16 @@ module beamid_scores
    !> The test of one candidate.
    type :: score_test_t
       character(len=name_length) :: name = ''
-      !> index in the table of parameters; 0: an error of a record, with its name, or 'multiple'
+      !> index in the table of parameters; 0: an error of a record, with its name, or 'harmonic'
       integer :: parameter = 0
       integer :: record = 0                !< of this error; 0: all records
-      !> of a multiple of the first mode's frequency: its order, and the fitted mode next to it
+      !> of a harmonic of the first mode: its order, and the fitted mode next to it
       integer :: order = 0, mode = 0
       logical :: fades = .false.           !< whether its n-th power decays faster than the mode
       !> Probability of a score at least this large if the candidate has the model's value.
       real(wp) :: p_value = 1
       !> Estimate of the candidate by one Gauss-Newton step or by the refit; a spring as stiffness;
-      !> of a multiple its frequency [1/time].
+      !> of a harmonic its frequency [1/time].
       real(wp) :: value = 0
       real(wp), allocatable :: shift(:)    !< (n) change of each estimate with the candidate free
       !> The largest shift in units of the estimate's half width, and the index of this estimate; 0:
@@ -57,7 +57,7 @@ contains
          text = 'check the calibration, the size of the excitation and the positions'
       case ('delay')
          text = 'check the trigger and the clocks'
-      case ('multiple')
+      case ('harmonic')
          text = 'record a smaller motion'
          if (self%fades) text = text//', or begin later (t_first)'
       case default

@@ -48,8 +48,8 @@ contains
          if (found%verdict%early /= '') call text%line(found%verdict%early)
          if (found%verdict%no_fit == '') call add_drifts(text, last, found%drift)
          if (found%verdict%no_fit == '') call add_score_lines(text, case, last, &
-            [found%tests, found%multiples])
-         call add_score_table(output, last, [found%tests, found%multiples])
+            [found%tests, found%harmonics])
+         call add_score_table(output, last, [found%tests, found%harmonics])
       end associate
       call text%add(fit_summary(case, found%experiments, found%fits, found%notes, found%verdict))
       if (size(found%minima) > 0) then

@@ -44,10 +44,10 @@ contains
             case ('delay')
                line = contradicts(one)//' the times of record '//to_text(one%record)// &
                   ': with a delay of '//trim(rounded(one%value, 3)//' '//case%units%time)//','
-            case ('multiple')
-               line = 'the residuals beside mode '//to_text(one%mode)//' of record '// &
-                  to_text(one%record)//' look like an oscillation at '//to_text(one%order)// &
-                  ' times the frequency of mode 1 ('//trim(rounded(one%value, 4)//' '// &
+            case ('harmonic')
+               line = 'the residuals near mode '//to_text(one%mode)//' of record '// &
+                  to_text(one%record)//' look like a harmonic of mode 1 ('//to_text(one%order)// &
+                  ' times its frequency, '//trim(rounded(one%value, 4)//' '// &
                   case%units%frequency())//'): with it,'
             case default
                line = trim(one%name)//', which the model leaves out, '//trim(merge( &

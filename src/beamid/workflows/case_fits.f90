@@ -9,13 +9,13 @@ module beamid_case_fits
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
+   use beamid_harmonics, only: test_harmonics
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
    use beamid_input_checks, only: check_input, describe_causes, describe_scale
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_memory, only: return_memory
-   use beamid_multiples, only: test_multiples
    use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_range_limits, only: judge_ranges
    use beamid_records, only: add_note, note_length
@@ -47,7 +47,7 @@ module beamid_case_fits
       type(verdict_t) :: verdict                               !< on the last stage, finest mesh
       type(window_fit_t), allocatable :: windows(:)            !< of size 0: no &windows
       type(drift_t) :: drift                                   !< whether parameters are constant
-      type(score_test_t), allocatable :: tests(:), multiples(:)   !< of size 0: none
+      type(score_test_t), allocatable :: tests(:), harmonics(:)   !< of size 0: none
    end type case_fit_t
 
 contains
@@ -61,7 +61,7 @@ contains
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
 
-      allocate (found%minima(0), found%windows(0), found%tests(0), found%multiples(0))
+      allocate (found%minima(0), found%windows(0), found%tests(0), found%harmonics(0))
       call load_experiments(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_responses(case, found%experiments, found%notes, error)
@@ -232,7 +232,7 @@ contains
                if (found%verdict%caution//found%verdict%no_fit /= '') &
                   last%statistics%determined = .false.
                call judge_ranges(case%model, mesh, found%experiments, last)
-               call test_multiples(found%experiments, found%verdict%s, last, found%multiples)
+               call test_harmonics(found%experiments, found%verdict%s, last, found%harmonics)
                call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
                if (found%verdict%no_fit == '' .and. is_exact(case%model%solver)) &
                   call widen_weak_estimates(case%model, mesh, found%experiments, last, monitor)

@@ -1,12 +1,12 @@
-!> Oscillations at multiples of the first mode's frequency beside the second mode of a free decay:
-!> rarely found where there are none, and found where one shifts the estimates.
-program test_multiples_beside_modes
+!> Harmonics of the first mode beside the second mode of a free decay: rarely found where there are
+!> none, and found where one shifts the estimates.
+program test_harmonics_beside_modes
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
+   use beamid_harmonics, only: test_harmonics
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_multiples, only: test_multiples
    use beamid_noise, only: gaussian_noise
    use beamid_parameters, only: free_index
    use beamid_priors, only: prior_t
@@ -25,7 +25,7 @@ program test_multiples_beside_modes
    call test_one_record()
    call test_many_records()
    call test_prior()
-   call finish('multiples')
+   call finish('harmonics')
 
 contains
 
@@ -43,7 +43,7 @@ contains
          call test_records([0.0_wp], 400, 1000 + k, tests)
          if (any(tests%matters)) false_alarms = false_alarms + 1
       end do
-      call check('no multiple: hardly any record is suspected', false_alarms <= allowed, &
+      call check('no harmonic: hardly any record is suspected', false_alarms <= allowed, &
          to_text(false_alarms)//' of '//to_text(records))
    end subroutine test_right_models
 
@@ -62,8 +62,8 @@ contains
          to_text(small)//' of 60')
    end subroutine test_short_records
 
-   !> A multiple that begins with six standard deviations of the noise: the test finds it, and the
-   !> change that it predicts brings E closer to the true value. The multiple shifts E by about one
+   !> A harmonic that begins with six standard deviations of the noise: the test finds it, and the
+   !> change that it predicts brings E closer to the true value. The harmonic shifts E by about one
    !> standard error, so that one record in ten may not show it.
    subroutine test_one_record()
       type(score_test_t), allocatable :: tests(:)
@@ -75,21 +75,21 @@ contains
       closer = 0
       do k = 1, records
          call test_records([6.0_wp], 400, 3000 + k, tests, fit)
-         call check('one mode has a multiple beside it', size(tests) == 1)
+         call check('one mode has a harmonic beside it', size(tests) == 1)
          if (size(tests) /= 1) return
          associate (one => tests(1), E => fit%quantities(1)%value)
             if (one%matters .and. one%record == 1 .and. one%mode == 2) found = found + 1
             if (abs(E + one%shift(1) - truth%E) < abs(E - truth%E)) closer = closer + 1
-            if (one%matters) call check('the interval reaches to the estimate with the multiple', &
+            if (one%matters) call check('the interval reaches to the estimate with the harmonic', &
                fit%reach(1, 1) >= -one%shift(1) .and. fit%reach(2, 1) >= one%shift(1))
          end associate
       end do
-      call check('a multiple is found', found >= 9, to_text(found)//' of 10')
+      call check('a harmonic is found', found >= 9, to_text(found)//' of 10')
       call check('its shift moves E to the true value', closer >= 9, to_text(closer)//' of 10')
    end subroutine test_one_record
 
-   !> Multiples that begin with .9 standard deviations of the noise: hardly one record shows its
-   !> own, but eight records together do. Of two records, the one with a multiple is named.
+   !> Harmonics that begin with .9 standard deviations of the noise: hardly one record shows its
+   !> own, but eight records together do. Of two records, the one with a harmonic is named.
    subroutine test_many_records()
       type(score_test_t), allocatable :: tests(:)
       integer, parameter :: sets = 10
@@ -103,11 +103,11 @@ contains
          call test_records(spread(0.9_wp, 1, 8), 400, 4000 + k, tests)
          if (all(tests%matters)) found = found + 1
       end do
-      call check('small multiples in eight records are found', found >= 9, to_text(found)// &
+      call check('small harmonics in eight records are found', found >= 9, to_text(found)// &
          ' of 10')
       call check('one of them alone is not', alone <= 5, to_text(alone)//' of 10')
       call test_records([0.0_wp, 6.0_wp], 400, 4101, tests)
-      call check('the record with the multiple is named', tests(1)%record == 2)
+      call check('the record with the harmonic is named', tests(1)%record == 2)
    end subroutine test_many_records
 
    !> The row of a prior follows those of the records. A prior that says nothing changes nothing.
@@ -123,20 +123,20 @@ contains
          1e-4_wp)
    end subroutine test_prior
 
-   !> Fits records of the strip and tests their multiples.
+   !> Fits records of the strip and tests their harmonics.
    !>
-   !> multiples  (records) amplitude at the beginning of an oscillation that the record contains as
-   !>            well, in standard deviations of the noise. Its frequency is the multiple of that of
-   !>            mode 1 next to mode 2; it decays as this power of mode 1 does
-   !> samples    of each record
-   !> sd         of a prior of m_S; absent: none
-   subroutine test_records(multiples, samples, seed, tests, fit, sd)
-      real(wp), intent(in) :: multiples(:)
+   !> amplitudes  (records) amplitude of a harmonic at the first sample, in standard deviations of
+   !>             the noise. The harmonic is the one next to mode 2; it decays as this power of mode
+   !>             1 does
+   !> samples     of each record
+   !> sd          of a prior of m_S; absent: none
+   subroutine test_records(amplitudes, samples, seed, tests, fit, sd)
+      real(wp), intent(in) :: amplitudes(:)
       integer, intent(in) :: samples, seed
       type(score_test_t), allocatable, intent(out) :: tests(:)
       type(stage_fit_t), intent(out), optional :: fit
       real(wp), intent(in), optional :: sd
-      type(experiment_t) :: clean, experiments(size(multiples))
+      type(experiment_t) :: clean, experiments(size(amplitudes))
       type(model_t) :: model
       type(prior_t) :: prior
       type(stage_t) :: stage
@@ -170,17 +170,17 @@ contains
          experiments(k) = noisy(clean, gaussian_noise(samples, 0.1_wp*noise_of(clean), &
             seed + 100*k))
          associate (one => experiments(k))
-            one%measured = one%measured + multiples(k)*0.1_wp*noise_of(clean)*real(exp(order*s(1) &
+            one%measured = one%measured + amplitudes(k)*0.1_wp*noise_of(clean)*real(exp(order*s(1) &
                *(one%samples - one%samples(1))))
          end associate
       end do
-      stage = stage_for(names, size(multiples))
+      stage = stage_for(names, size(amplitudes))
       call identify(model, mesh, [stage], experiments, fits, error)
       if (.not. allocated(error)) call new_verdict(experiments, mesh, fits(1), verdict, error)
       call check('the records are fitted', .not. allocated(error))
       if (allocated(error)) return
-      call test_multiples(experiments, verdict%s, fits(1), tests)
+      call test_harmonics(experiments, verdict%s, fits(1), tests)
       if (present(fit)) fit = fits(1)
    end subroutine test_records
 
-end program test_multiples_beside_modes
+end program test_harmonics_beside_modes

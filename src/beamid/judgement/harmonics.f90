@@ -1,16 +1,16 @@
-!> Tests whether free decays contain oscillations at multiples of the first mode's frequency beside
-!> the higher modes.
+!> Tests whether free decays contain harmonics of the first mode beside the higher modes.
 !>
-!> A spring, a clamp or a sensor that is not linear adds oscillations at the multiples of the
-!> frequency of the first mode. Such an oscillation beside a mode shifts the estimate of its
-!> frequency, even if the record shows one line only.
+!> A spring, a clamp or a sensor that is not linear adds harmonics: oscillations at multiples of the
+!> frequency of the first mode. A harmonic close to another mode shifts the estimates, even if both
+!> merge into one spectral line.
 !>
-!> One multiple is tested for each mode, in all records at once: many small ones may move an
-!> estimate that none of them moves alone. In each record it is any combination of cosine and sine,
-!> which decay at the rate of the first mode, like an error of the sensor in proportion to the
-!> motion, or at n times this rate, like the n-th power of the motion. Small residuals near a mode
-!> that have another cause, such as a damping that changes, look alike.
-module beamid_multiples
+!> One harmonic is tested for each mode from the second on, in all records together: many small
+!> harmonics may shift an estimate that none of them shifts alone. In each record it is any
+!> combination of four oscillations of the same frequency: cosine and sine that decay at the rate of
+!> the first mode, like an error of the sensor in proportion to the motion, and cosine and sine that
+!> decay at n times this rate, like the n-th power of the motion. Residuals near a mode that have
+!> another cause, such as a damping that changes, can look like a harmonic.
+module beamid_harmonics
    use beamid_condensation, only: condense, condensed_t, rows_t
    use beamid_distributions, only: chi_square_tail, incomplete_beta
    use beamid_experiments, only: experiment_t
@@ -24,7 +24,7 @@ module beamid_multiples
    implicit none
    private
 
-   public :: test_multiples
+   public :: test_harmonics
 
    integer, parameter :: waves = 4   !< cosine and sine with either decay
 
@@ -32,7 +32,7 @@ module beamid_multiples
    type, extends(rows_t) :: record_rows_t
       real(wp), pointer :: jacobian(:, :) => null(), residual(:) => null()
       real(wp), pointer :: t(:) => null()   !< (rows) sample times [time]
-      integer :: order = 0                  !< of the multiple; 0: none
+      integer :: order = 0                  !< of the harmonic; 0: none
       complex(wp) :: s = 0                  !< root of the first mode [1/time]
    contains
       procedure :: fill, oscillation
@@ -40,13 +40,13 @@ module beamid_multiples
 
 contains
 
-   !> Tests multiples of the first mode's frequency, and extends the intervals of the estimates that
-   !> one of them moves.
+   !> Tests the harmonics of the first mode, and extends the intervals of the estimates that one of
+   !> them shifts.
    !>
    !> s      (modes, records) roots of the fitted structures [1/time]
    !> fit    with statistics; on return with extended intervals
-   !> tests  one for each mode beside a multiple, of size 0 if there is none
-   subroutine test_multiples(experiments, s, fit, tests)
+   !> tests  one for each mode beside a harmonic, of size 0 if there is none
+   subroutine test_harmonics(experiments, s, fit, tests)
       type(experiment_t), intent(in) :: experiments(:)
       complex(wp), intent(in) :: s(:, :)
       type(stage_fit_t), intent(inout) :: fit
@@ -67,7 +67,7 @@ contains
       end do
       do k = 1, size(tests)
          associate (one => tests(k))
-            ! A multiple that moves nothing is a spectral line of its own, and residuals that
+            ! A harmonic that shifts nothing is a spectral line of its own, and residuals that
             ! vanish on a finer mesh are errors of the mesh.
             one%rejects = one%p_value < chance/size(tests) .and. one%moves > large_shift .and. &
                one%decrease > 2*fit%mesh_decrease
@@ -75,10 +75,10 @@ contains
             if (one%matters) call fit%extend(one%shift(:size(fit%free)))
          end associate
       end do
-   end subroutine test_multiples
+   end subroutine test_harmonics
 
-   !> Returns the order of the multiple of the first mode's frequency next to a mode; 0: the mode is
-   !> too low or too high, or the mode before it is beside the same one.
+   !> Returns the order of the harmonic next to a mode; 0: the frequency of the mode is too low or
+   !> too high, or the mode before it is next to the same harmonic.
    !>
    !> s  (modes) roots [1/time]
    !> k  number of the mode, from 2
@@ -94,14 +94,14 @@ contains
       if (order < 2 .or. order == nint(aimag(s(k - 1))/aimag(s(1)))) order = 0
    end function order_beside
 
-   !> Tests the multiples beside one mode.
+   !> Tests the harmonics beside one mode.
    !>
    !> The decrease of J in units of the variance of the noise around the frequency has a chi-square
-   !> distribution; other lines in the residuals do not count as noise. In short records this
-   !> variance is uncertain. Therefore the F test of the whole decrease must reject the model, too.
+   !> distribution. Other lines in the residuals do not count as noise. In short records this
+   !> variance is uncertain: therefore the F test of the whole decrease must reject the model, too.
    !>
    !> s       (modes, records) roots [1/time]
-   !> orders  (records) of the multiple; 0: the record is not tested
+   !> orders  (records) of the harmonic; 0: the record is not tested
    !> k       number of the mode
    function test_of_mode(experiments, s, orders, k, fit) result(one)
       type(experiment_t), intent(in), target :: experiments(:)
@@ -143,7 +143,7 @@ contains
       a(last + 1:last + size(fit%jacobian, 1) - m, :) = fit%jacobian(m + 1:, :)
       y(last + 1:last + size(fit%jacobian, 1) - m) = fit%fit%residual(m + 1:)
       total = last + size(fit%jacobian, 1) - m
-      one = score_test_t(name='multiple', mode=k, shift=spread(0.0_wp, 1, n))
+      one = score_test_t(name='harmonic', mode=k, shift=spread(0.0_wp, 1, n))
       freedom = size(fit%jacobian, 1) - n - used
       if (used == 0 .or. freedom < 1) return
       call least_squares_step(a(:total, :), y(:total), fit%quantities%scale, spread(.true., 1, &
@@ -220,7 +220,7 @@ contains
       x(:last - first + 1, self%columns + 1) = self%residual(first:last)
    end subroutine fill
 
-   !> Returns cosine and sine of the multiple at sample k, with either decay.
+   !> Returns cosine and sine of the harmonic at sample k, with either decay.
    pure function oscillation(self, k) result(values)
       class(record_rows_t), intent(in) :: self
       integer, intent(in) :: k
@@ -235,4 +235,4 @@ contains
       values(3:) = values(:2)*exp((self%order - 1)*decay)
    end function oscillation
 
-end module beamid_multiples
+end module beamid_harmonics
