@@ -112,15 +112,19 @@ contains
       type(record_rows_t) :: rows
       type(condensed_t) :: condensed
       real(wp) :: a(size(experiments)*(size(fit%jacobian, 2) + waves) + size(fit%jacobian, 1) &
-         - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1)), step(size(a, 2))
+         - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1))
+      real(wp), dimension(size(a, 2)) :: scales, step
       real(wp), dimension(size(experiments)) :: after, before, gain
       real(wp) :: left, noise
-      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, total, used
+      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, used
 
       n = size(step)
       m = size(fit%residual)
       ends = 0
       used = 0
+      ! Rows that are left 0 change nothing.
+      a = 0
+      y = 0
       last = 0
       do r = 1, size(experiments)
          first = last + 1
@@ -142,13 +146,12 @@ contains
       last = ends(size(experiments))
       a(last + 1:last + size(fit%jacobian, 1) - m, :) = fit%jacobian(m + 1:, :)
       y(last + 1:last + size(fit%jacobian, 1) - m) = fit%fit%residual(m + 1:)
-      total = last + size(fit%jacobian, 1) - m
       one = score_test_t(name='harmonic', mode=k, shift=spread(0.0_wp, 1, n))
       freedom = size(fit%jacobian, 1) - n - used
       if (used == 0 .or. freedom < 1) return
-      call least_squares_step(a(:total, :), y(:total), fit%quantities%scale, spread(.true., 1, &
-         n), epsilon(step)*m, step, rank)
-      y(:total) = y(:total) + matmul(a(:total, :), step)
+      scales = fit%quantities%scale
+      call least_squares_step(a, y, scales, spread(.true., 1, n), epsilon(step)*m, step, rank)
+      y = y + matmul(a, step)
       do r = 1, size(experiments)
          after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
       end do
@@ -171,7 +174,7 @@ contains
       one%value = orders(r)*aimag(s(1, r))/two_pi
       one%fades = orders(r)*real(s(1, r)) < real(s(k, r))
       one%shift = step
-      left = (sum(after) + sum(y(ends(size(experiments)) + 1:total)**2))/sum(fit%fit%residual**2)
+      left = (sum(after) + sum(y(ends(size(experiments)) + 1:)**2))/sum(fit%fit%residual**2)
       one%decrease = 1 - left
       one%p_value = max(chi_square_tail(sum(gain), real(used, wp)), &
          incomplete_beta(freedom/2.0_wp, used/2.0_wp, min(1.0_wp, left)))
