@@ -652,7 +652,7 @@ def test_several_records(tab, server, example, tmp_path):
     assert tab.get_by_text("Record 3: ").count() == 0
     restored(tab)
     tab.wait_for_selector("[data-record='2']", timeout=WAIT)
-    assert tab.input_value("[data-field=record-t_first]") == "1.5"
+    tab.wait_for_function("document.querySelector('[data-field=record-t_first]').value === '1.5'")
     fit(tab, 1)
     tab.click("[data-step=save]")
     folder = unpacked_case(tab, tmp_path)
