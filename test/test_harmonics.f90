@@ -13,7 +13,7 @@ program test_harmonics_beside_modes
    use beamid_scores, only: score_test_t
    use beamid_strings, only: to_text
    use beamid_verdicts, only: new_verdict, verdict_t
-   use checks, only: check, check_close, finish, in_long_run
+   use checks, only: check, check_close, finish, limit_false_alarms
    use free_decays, only: formulas, made, mesh, noise_of, noisy, stage_for, truth
    use models, only: model_of
    implicit none
@@ -29,15 +29,12 @@ program test_harmonics_beside_modes
 
 contains
 
-   !> Records of the model itself with white noise. At most 1 % of them may be suspected: of 100, in
-   !> a long run, more than 4 are in 3 of 1000 such suites, and of 40 more than 2 are in 8 of 1000;
-   !> the seeds are fixed.
+   !> Records of the model itself with white noise. At most 1 % of them may be suspected.
    subroutine test_right_models()
       type(score_test_t), allocatable :: tests(:)
       integer :: records, allowed, false_alarms, k
 
-      records = merge(100, 40, in_long_run())
-      allowed = merge(4, 2, in_long_run())
+      call limit_false_alarms(records, allowed)
       false_alarms = 0
       do k = 1, records
          call test_records([0.0_wp], 400, 1000 + k, tests)

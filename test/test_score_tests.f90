@@ -13,7 +13,7 @@ program test_score_tests
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use checks, only: check, finish, in_long_run
+   use checks, only: check, finish, limit_false_alarms
    use free_decays, only: formulas, made, mesh, noise_of, noisy, stage_for, truth
    use models, only: model_of
    implicit none
@@ -36,15 +36,12 @@ program test_score_tests
 
 contains
 
-   !> Records of the model itself with white noise. At most 1 % of them may ask for a parameter: of
-   !> 100, in a long run, more than 4 do in 3 of 1000 such suites, and of 40 more than 2 do in 8 of
-   !> 1000; the seeds are fixed.
+   !> Records of the model itself with white noise. At most 1 % of them may ask for a parameter.
    subroutine test_right_models()
       type(score_test_t), allocatable :: tests(:)
       integer :: records, allowed, false_alarms, k
 
-      records = merge(100, 40, in_long_run())
-      allowed = merge(4, 2, in_long_run())
+      call limit_false_alarms(records, allowed)
       false_alarms = 0
       do k = 1, records
          call test_record(strip, 3, 1000 + k, .true., tests)

@@ -6,7 +6,8 @@ module checks
    implicit none
    private
 
-   public :: check, check_close, skip, finish, in_long_run, of_mesh, held_root
+   public :: check, check_close, skip, finish, in_long_run, limit_false_alarms, of_mesh, &
+      held_root
 
    integer :: passed = 0, failed = 0, skipped = 0
 
@@ -76,6 +77,16 @@ contains
       call get_environment_variable('BEAMID_LONG_TESTS', length=length)
       in_long_run = length > 0
    end function in_long_run
+
+   !> The number of records without a fault, and how many of them a test at a level of 1 % may name.
+   !> Of 100, in a long run, more than 4 are named in 3 of 1000 such suites, and of 40 more than 2
+   !> in 8 of 1000. The seeds of the records are fixed.
+   subroutine limit_false_alarms(records, allowed)
+      integer, intent(out) :: records, allowed
+
+      records = merge(100, 40, in_long_run())
+      allowed = merge(4, 2, in_long_run())
+   end subroutine limit_false_alarms
 
    !> Prints the counts in the form that scripts/test.sh adds up; exit status 1 if anything failed.
    subroutine finish(suite)

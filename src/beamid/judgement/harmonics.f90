@@ -17,8 +17,7 @@ module beamid_harmonics
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kernels, only: block_rows
    use beamid_kinds, only: two_pi, wp
-   use beamid_scores, only: chance, find_largest_shift, large_shift, leaves_round_off, &
-      score_test_t
+   use beamid_scores, only: chance, find_largest_shift, is_testable, large_shift, score_test_t
    use beamid_spectra, only: noise_near
    use beamid_stage_fits, only: stage_fit_t
    implicit none
@@ -54,9 +53,8 @@ contains
       integer :: orders(size(experiments)), k, r
 
       allocate (tests(0))
-      if (fit%statistics%samples == 0 .or. size(fit%free) == 0 .or. fit%note /= '' .or. &
-         size(fit%jacobian, 2) /= size(fit%quantities)) return
-      if (leaves_round_off(experiments, fit)) return
+      if (.not. is_testable(experiments, fit)) return
+      if (size(fit%jacobian, 2) /= size(fit%quantities)) return
       do k = 2, size(s, 1)
          orders = 0
          do r = 1, size(experiments)
@@ -114,7 +112,7 @@ contains
       real(wp) :: a(size(experiments)*(size(fit%jacobian, 2) + waves) + size(fit%jacobian, 1) &
          - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1))
       real(wp), dimension(size(a, 2)) :: scales, step
-      real(wp), dimension(size(experiments)) :: after, before, gain
+      real(wp), dimension(size(experiments)) :: after, gain
       real(wp) :: left, noise
       integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, used
 
@@ -137,7 +135,6 @@ contains
          rows%jacobian => fit%jacobian(first:last, :)
          rows%residual => fit%fit%residual(first:last)
          call condense(rows, condensed)
-         before(r) = sum(fit%fit%residual(first:last)**2)
          after(r) = condensed%left**2
          call add_rows(condensed, a, y, ends(r - 1), ends(r))
          used = used + rows%columns - (ends(r) - ends(r - 1))
@@ -152,21 +149,18 @@ contains
       scales = fit%quantities%scale
       call least_squares_step(a, y, scales, spread(.true., 1, n), epsilon(step)*m, step, rank)
       y = y + matmul(a, step)
-      do r = 1, size(experiments)
-         after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
-      end do
-      gain = before - after
       last = 0
       do r = 1, size(experiments)
          first = last + 1
          last = last + size(experiments(r)%measured)
+         after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
          if (orders(r) > 0) then
             noise = fit%weight(r)**2*noise_near(experiments(r)%samples, fit%residual(first:last), &
                orders(r)*aimag(s(1, r))/two_pi, -real(s(1, r)))
          else
             noise = fit%statistics%variance
          end if
-         gain(r) = gain(r)/max(noise, tiny(noise))
+         gain(r) = (sum(fit%fit%residual(first:last)**2) - after(r))/max(noise, tiny(noise))
       end do
       r = maxloc(gain, dim=1, mask=orders > 0)
       one%record = r

@@ -29,8 +29,8 @@ module beamid_score_tests
    use beamid_priors, only: priors_of
    use beamid_record_errors, only: differentiate_error, errors_of
    use beamid_residuals, only: residual_t
-   use beamid_scores, only: chance, find_largest_shift, large_shift, leaves_round_off, &
-      score_test_t, test
+   use beamid_scores, only: chance, find_largest_shift, is_testable, large_shift, score_test_t, &
+      test
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
    use beamid_structure, only: J_S_at, m_S_at, no_spring, of_c_D, of_eta, of_gamma, of_kappa_R, &
@@ -68,10 +68,7 @@ contains
       integer :: k
 
       allocate (tests(0))
-      if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
-      if (leaves_round_off(experiments, fit)) return
-      ! If the start search has fixed a parameter, the tests would only find this parameter.
-      if (fit%note /= '') return
+      if (.not. is_testable(experiments, fit)) return
       call exact_counterpart(model, mesh, experiments, [fit%free, of_kappa_R], problem)
       if (.not. allocated(problem%parts)) return
       call fit%restore(problem)

@@ -1,5 +1,6 @@
-!> The score test of one candidate: a parameter, an error of a record, or an oscillation that the
-!> model leaves out (`beamid_score_tests`).
+!> What the tests of parameters and errors of records that the model leaves out
+!> (`beamid_score_tests`) share with those of harmonics (`beamid_harmonics`): the result of one
+!> test, the score of one candidate, and whether a fit can be tested.
 module beamid_scores
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
@@ -10,7 +11,7 @@ module beamid_scores
    implicit none
    private
 
-   public :: score_test_t, test, find_largest_shift, leaves_round_off
+   public :: score_test_t, test, find_largest_shift, is_testable
 
    !> Significance level of all tests together, with which they reject the model.
    real(wp), parameter, public :: chance = 0.01_wp
@@ -110,16 +111,20 @@ contains
       call find_largest_shift(fit, one)
    end subroutine test
 
-   !> Tells whether the residuals are errors of computation, which are no noise.
-   pure logical function leaves_round_off(experiments, fit)
+   !> Tells whether a fit has free parameters, statistics, and residuals that are more than errors
+   !> of computation, which are no noise. If the start search has fixed a parameter, the tests would
+   !> only find this parameter.
+   pure logical function is_testable(experiments, fit)
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       real(wp), parameter :: round_off = 1e-9_wp   ! share of the records
       integer :: k
 
-      leaves_round_off = norm2(fit%residual) <= round_off*norm2([(norm2(experiments(k)%measured), &
+      is_testable = .false.
+      if (fit%statistics%samples == 0 .or. size(fit%free) == 0 .or. fit%note /= '') return
+      is_testable = norm2(fit%residual) > round_off*norm2([(norm2(experiments(k)%measured), &
          k=1, size(experiments))])
-   end function leaves_round_off
+   end function is_testable
 
    !> Notes which estimate the candidate moves most, in units of the estimate's half width.
    subroutine find_largest_shift(fit, one)
