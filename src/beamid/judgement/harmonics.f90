@@ -92,7 +92,7 @@ contains
       if (order < 2 .or. order == nint(aimag(s(k - 1))/aimag(s(1)))) order = 0
    end function order_beside
 
-   !> Tests the harmonics beside one mode.
+   !> Tests the harmonics beside one mode by one Gauss-Newton step.
    !>
    !> The decrease of J in units of the variance of the noise around the frequency has a chi-square
    !> distribution. Other lines in the residuals do not count as noise. In short records this
@@ -102,27 +102,66 @@ contains
    !> orders  (records) of the harmonic; 0: the record is not tested
    !> k       number of the mode
    function test_of_mode(experiments, s, orders, k, fit) result(one)
-      type(experiment_t), intent(in), target :: experiments(:)
+      type(experiment_t), intent(in) :: experiments(:)
       complex(wp), intent(in) :: s(:, :)
       integer, intent(in) :: orders(:), k
-      type(stage_fit_t), intent(in), target :: fit
+      type(stage_fit_t), intent(in) :: fit
       type(score_test_t) :: one
+      real(wp), allocatable :: a(:, :), y(:)
+      real(wp) :: scales(size(fit%quantities)), after(size(experiments)), gain, left
+      integer :: ends(0:size(experiments)), freedom, n, r, rank, used
+
+      n = size(scales)
+      one = score_test_t(name='harmonic', mode=k, shift=spread(0.0_wp, 1, n))
+      call eliminate_oscillations(experiments, s(1, :), orders, fit, a, y, ends, after, used)
+      freedom = size(fit%jacobian, 1) - n - used
+      if (used == 0 .or. freedom < 1) return
+      scales = fit%quantities%scale
+      call least_squares_step(a, y, scales, spread(.true., 1, n), &
+         epsilon(scales)*size(fit%residual), one%shift, rank)
+      y = y + matmul(a, one%shift)
+      do r = 1, size(experiments)
+         after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
+      end do
+      left = (sum(after) + sum(y(ends(size(experiments)) + 1:)**2))/sum(fit%fit%residual**2)
+      one%decrease = 1 - left
+      call compare_with_noise(experiments, s(1, :), orders, fit, after, gain, one%record)
+      one%order = orders(one%record)
+      one%value = one%order*aimag(s(1, one%record))/two_pi
+      one%fades = one%order*real(s(1, one%record)) < real(s(k, one%record))
+      one%p_value = max(chi_square_tail(gain, real(used, wp)), &
+         incomplete_beta(freedom/2.0_wp, used/2.0_wp, min(1.0_wp, left)))
+      call find_largest_shift(fit, one)
+   end function test_of_mode
+
+   !> Condenses the rows of the fit, and removes those that the oscillations can make 0.
+   !>
+   !> s       (records) root of the first mode [1/time]
+   !> orders  (records) of the harmonic; 0: none
+   !> a, y    (rows, parameters), (rows) derivatives and residuals: those of the records, then those
+   !>         of priors and penalties, then zeros
+   !> ends    (0 .. records) last row of each record
+   !> after   (records) sum of squares of a record that no parameter can change
+   !> used    number of independent oscillations in all records
+   subroutine eliminate_oscillations(experiments, s, orders, fit, a, y, ends, after, used)
+      type(experiment_t), intent(in), target :: experiments(:)
+      complex(wp), intent(in) :: s(:)
+      integer, intent(in) :: orders(:)
+      type(stage_fit_t), intent(in), target :: fit
+      real(wp), allocatable, intent(out) :: a(:, :), y(:)
+      integer, intent(out) :: ends(0:), used
+      real(wp), intent(out) :: after(:)
       type(record_rows_t) :: rows
       type(condensed_t) :: condensed
-      real(wp) :: a(size(experiments)*(size(fit%jacobian, 2) + waves) + size(fit%jacobian, 1) &
-         - size(fit%residual), size(fit%jacobian, 2)), y(size(a, 1))
-      real(wp), dimension(size(a, 2)) :: scales, step
-      real(wp), dimension(size(experiments)) :: after, gain
-      real(wp) :: left, noise
-      integer :: ends(0:size(experiments)), first, freedom, last, m, n, r, rank, used
+      integer :: first, last, m, n, others, r
 
-      n = size(step)
       m = size(fit%residual)
+      n = size(fit%jacobian, 2)
+      others = size(fit%jacobian, 1) - m
+      allocate (a(size(s)*(n + waves) + others, n), y(size(s)*(n + waves) + others), &
+         source=0.0_wp)
       ends = 0
       used = 0
-      ! Rows that are left 0 change nothing.
-      a = 0
-      y = 0
       last = 0
       do r = 1, size(experiments)
          first = last + 1
@@ -130,7 +169,7 @@ contains
          rows%rows = last - first + 1
          rows%order = orders(r)
          rows%columns = n + merge(waves, 0, orders(r) > 0)
-         rows%s = s(1, r)
+         rows%s = s(r)
          rows%t => experiments(r)%samples
          rows%jacobian => fit%jacobian(first:last, :)
          rows%residual => fit%fit%residual(first:last)
@@ -139,41 +178,41 @@ contains
          call add_rows(condensed, a, y, ends(r - 1), ends(r))
          used = used + rows%columns - (ends(r) - ends(r - 1))
       end do
-      ! Rows of priors and penalties follow those of the records.
       last = ends(size(experiments))
-      a(last + 1:last + size(fit%jacobian, 1) - m, :) = fit%jacobian(m + 1:, :)
-      y(last + 1:last + size(fit%jacobian, 1) - m) = fit%fit%residual(m + 1:)
-      one = score_test_t(name='harmonic', mode=k, shift=spread(0.0_wp, 1, n))
-      freedom = size(fit%jacobian, 1) - n - used
-      if (used == 0 .or. freedom < 1) return
-      scales = fit%quantities%scale
-      call least_squares_step(a, y, scales, spread(.true., 1, n), epsilon(step)*m, step, rank)
-      y = y + matmul(a, step)
+      a(last + 1:last + others, :) = fit%jacobian(m + 1:, :)
+      y(last + 1:last + others) = fit%fit%residual(m + 1:)
+   end subroutine eliminate_oscillations
+
+   !> Computes by how much the sum of squares decreases, in units of the variance of the noise.
+   !>
+   !> s       (records) root of the first mode [1/time]
+   !> orders  (records) of the harmonic; 0: the record is not tested
+   !> after   (records) sum of squares with the harmonic
+   !> gain    the decrease in all records
+   !> record  tested record in which it is largest
+   subroutine compare_with_noise(experiments, s, orders, fit, after, gain, record)
+      type(experiment_t), intent(in) :: experiments(:)
+      complex(wp), intent(in) :: s(:)
+      integer, intent(in) :: orders(:)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), intent(in) :: after(:)
+      real(wp), intent(out) :: gain
+      integer, intent(out) :: record
+      real(wp) :: noise, gains(size(orders))
+      integer :: first, last, r
+
       last = 0
       do r = 1, size(experiments)
          first = last + 1
          last = last + size(experiments(r)%measured)
-         after(r) = after(r) + sum(y(ends(r - 1) + 1:ends(r))**2)
-         if (orders(r) > 0) then
-            noise = fit%weight(r)**2*noise_near(experiments(r)%samples, fit%residual(first:last), &
-               orders(r)*aimag(s(1, r))/two_pi, -real(s(1, r)))
-         else
-            noise = fit%statistics%variance
-         end if
-         gain(r) = (sum(fit%fit%residual(first:last)**2) - after(r))/max(noise, tiny(noise))
+         noise = fit%statistics%variance
+         if (orders(r) > 0) noise = fit%weight(r)**2*noise_near(experiments(r)%samples, &
+            fit%residual(first:last), orders(r)*aimag(s(r))/two_pi, -real(s(r)))
+         gains(r) = (sum(fit%fit%residual(first:last)**2) - after(r))/max(noise, tiny(noise))
       end do
-      r = maxloc(gain, dim=1, mask=orders > 0)
-      one%record = r
-      one%order = orders(r)
-      one%value = orders(r)*aimag(s(1, r))/two_pi
-      one%fades = orders(r)*real(s(1, r)) < real(s(k, r))
-      one%shift = step
-      left = (sum(after) + sum(y(ends(size(experiments)) + 1:)**2))/sum(fit%fit%residual**2)
-      one%decrease = 1 - left
-      one%p_value = max(chi_square_tail(sum(gain), real(used, wp)), &
-         incomplete_beta(freedom/2.0_wp, used/2.0_wp, min(1.0_wp, left)))
-      call find_largest_shift(fit, one)
-   end function test_of_mode
+      gain = sum(gains)
+      record = maxloc(gains, dim=1, mask=orders > 0)
+   end subroutine compare_with_noise
 
    !> Adds the condensed rows of a record without those that the oscillation can make 0.
    !>
