@@ -242,8 +242,8 @@ contains
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: group(:)
       logical, intent(in), optional :: shared(:), ordered(:)
-      real(wp), allocatable :: influence(:), sequence(:), pull(:, :), share(:, :), products(:)
-      real(wp) :: gamma(max_lags), variance
+      real(wp), allocatable :: influence(:), sequence(:), pull(:, :), share(:, :)
+      real(wp) :: gamma(max_lags), products(max_lags), variance
       integer :: j, k, m, lags, length
 
       m = size(residual)
@@ -279,8 +279,8 @@ contains
          variance = statistics%covariance(j, j)
          if (present(noise)) variance = variance &
             + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:)**2)
-         products = lagged_products(influence(:m), lags)
-         variance = variance + 2*sum(gamma(:lags)*products)
+         products(:lags) = lagged_products(influence(:m), lags)
+         variance = variance + 2*sum(gamma(:lags)*products(:lags))
          if (present(group)) call find_pulls(influence, residual, group, pull(:, j), share(:, j))
          if (variance <= statistics%covariance(j, j)) cycle
          statistics%corrected_error(j) = sqrt(variance)
