@@ -56,7 +56,6 @@ module beamid_splines
       logical, allocatable, private :: is_plain(:)
    contains
       procedure :: first_on_element, last_on_element, on_element, element_of, at
-      procedure, private :: plain
    end type spline_space_t
 
 contains
@@ -153,20 +152,20 @@ contains
       type(spline_space_t), intent(in) :: space
       integer, intent(in) :: end
       real(wp) :: values(2, size(space%start))
-      real(wp) :: plain(space%degree + 1)
+      real(wp) :: splines(space%degree + 1)
       integer :: c, d, element, i, k
 
       element = merge(0, space%elements - 1, end == 1)
       values = 0
       do d = 1, 2
-         plain = space%plain(element, real(end - 1, wp), d - 1)
+         splines = plain(space, element, real(end - 1, wp), d - 1)
          ! The B-spline that vanishes at the end, up to round-off.
-         plain(merge(space%degree + 1, 1, end == 1)) = 0
+         splines(merge(space%degree + 1, 1, end == 1)) = 0
          do i = 1, size(space%start)
             do k = 1, widest
                c = space%start(i) + k - 1 - space%before(element)
                if (c < 1 .or. c > space%degree + 1) cycle
-               values(d, i) = values(d, i) + space%weight(k, i)*plain(c)
+               values(d, i) = values(d, i) + space%weight(k, i)*splines(c)
             end do
          end do
       end do
@@ -302,25 +301,31 @@ contains
       integer, intent(in) :: element, derivative
       real(wp), intent(in) :: s
       real(wp) :: values(self%degree + 1)
-      real(wp) :: plain(self%degree + 1)
+
+      values = plain(self, element, s, derivative)
+      if (.not. self%is_plain(element)) values = combined(self, element, values)
+   end function on_element
+
+   !> Returns the values of the basis functions on an element, (degree + 1), as `on_element` does,
+   !> from those of the B-splines.
+   pure function combined(self, element, splines) result(values)
+      type(spline_space_t), intent(in) :: self
+      integer, intent(in) :: element
+      real(wp), intent(in) :: splines(:)
+      real(wp) :: values(size(splines))
       integer :: c, i, k
 
-      plain = self%plain(element, s, derivative)
-      if (self%is_plain(element)) then
-         values = plain
-         return
-      end if
       values = 0
       associate (before => self%before(element), first => self%first(element))
          do i = first, self%last(element)
             do k = 1, widest
                c = self%start(i) + k - 1 - before
                if (c >= 1 .and. c <= self%degree + 1) values(i - first + 1) = &
-                  values(i - first + 1) + self%weight(k, i)*plain(c)
+                  values(i - first + 1) + self%weight(k, i)*splines(c)
             end do
          end do
       end associate
-   end function on_element
+   end function combined
 
    !> Returns a derivative of all basis functions at one position; at a knot where it jumps, the
    !> mean of both sides. The derivative of a response with respect to the position of a moment
@@ -371,7 +376,8 @@ contains
 
       associate (m => self%left(element), p => self%degree)
          values = b_splines(self%knots(m - p + 1:m + p) - self%knots(m), &
-            s*(self%knots(m + 1) - self%knots(m)), derivative)*self%scale**derivative
+            s*(self%knots(m + 1) - self%knots(m)), derivative)
+         values = values*self%scale**derivative
       end associate
    end function plain
 

@@ -154,19 +154,21 @@ contains
    !> form  in which the motions are given, from `form_at`
    !> x, y  (n), (r) first motion: oscillators and rows A**-1 V'x
    !> z, w  (n), (r) second motion
+   !> xz    (n) products of both motions of the oscillators
+   !> T     (r, r) A y w', for the rows
    !> q     (operators that depend on a parameter) the products
-   pure subroutine products(self, form, x, y, z, w, q)
+   pure subroutine products(self, form, x, y, z, w, xz, T, q)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
-      complex(wp), intent(out) :: q(:)
-      complex(wp) :: T(size(y), size(y))
+      complex(wp), intent(out) :: xz(:), T(:, :), q(:)
       integer :: k
 
       do k = 1, size(w)
          T(:, k) = self%couplings%compliance*y*w(k)
       end do
-      call self%sensitivities%traces(self%layout, form, x*z, T, q)
+      xz = x*z
+      call self%sensitivities%traces(self%layout, form, xz, T, q)
    end subroutine products
 
    !> Computes M, C and K of the oscillators as full matrices.

@@ -44,7 +44,7 @@ module beamid_couplings
    !> A pair of roots this many times above all poles of the oscillators has no influence on the
    !> observed motion.
    real(wp), parameter :: far_away = 1e5_wp
-   complex(wp), parameter :: zero = 0, one = 1
+   complex(wp), parameter :: one = 1
 
 contains
 
@@ -154,10 +154,27 @@ contains
       complex(wp), intent(in) :: s
       complex(wp), dimension(size(self%rigid), size(self%rigid)), intent(out) :: H, dH
       complex(wp), intent(out), optional :: hm(size(self%rigid), size(self%rigid))
+      complex(wp) :: square
+      real(wp) :: c(of_mass:of_stiffness)
+      integer :: i, k, l
 
-      call combine(self, size(self%rigid), form, [s*s, s, one], H)
-      call combine(self, size(self%rigid), form, [2*s, one, zero], dH)
-      if (present(hm)) call combine(self, size(self%rigid), form, [one, zero, zero], hm)
+      square = s*s
+      do l = 1, size(self%rigid)
+         do k = 1, size(self%rigid)
+            c = self%h(:, k, l)
+            H(k, l) = cmplx(c(1)*real(square) + c(2)*real(s) + c(3), &
+               c(1)*aimag(square) + c(2)*aimag(s), wp)
+            dH(k, l) = cmplx(2*c(1)*real(s) + c(2), 2*c(1)*aimag(s), wp)
+            if (present(hm)) hm(k, l) = c(1)
+         end do
+      end do
+      do i = 1, size(self%hose)
+         if (self%hose(i)%row == 0) cycle
+         c = coupling(self%hose(i), btest(form, i - 1))
+         call couple(self%hose(i), btest(form, i - 1), c(1)*square + c(2)*s + c(3), H)
+         call couple(self%hose(i), btest(form, i - 1), 2*c(1)*s + c(2), dH)
+         if (present(hm)) call couple(self%hose(i), btest(form, i - 1), c(1)*one, hm)
+      end do
    end subroutine evaluate
 
    !> Computes the coefficients of s**2, s or 1 in H in a form.
@@ -168,49 +185,51 @@ contains
       class(couplings_t), intent(in) :: self
       integer, intent(in) :: matrix, form
       real(wp), intent(out) :: h(:, :)
-      complex(wp) :: f(of_mass:of_stiffness), in_form(size(h, 1), size(h, 2))
+      complex(wp) :: in_form(size(h, 1), size(h, 2))
+      real(wp) :: c(of_mass:of_stiffness)
+      integer :: i
 
-      f = 0
-      f(matrix) = 1
-      call combine(self, size(h, 1), form, f, in_form)
+      in_form = self%h(matrix, :, :)
+      do i = 1, size(self%hose)
+         if (self%hose(i)%row == 0) cycle
+         c = coupling(self%hose(i), btest(form, i - 1))
+         call couple(self%hose(i), btest(form, i - 1), c(matrix)*one, in_form)
+      end do
       h = real(in_form)
    end subroutine coefficients
 
-   !> Computes the sum of the three coefficients of H in a form, each with a factor.
+   !> Returns the coefficients of s**2, s and 1 by which a hose couples with its point of the beam.
    !>
-   !> r  number of rows
-   !> f  (of_mass:of_stiffness) factors
-   !> H  (r, r)
-   pure subroutine combine(self, r, form, f, H)
-      class(couplings_t), intent(in) :: self
-      integer, intent(in) :: r, form
-      complex(wp), intent(in) :: f(of_mass:of_stiffness)
-      complex(wp), intent(out) :: H(r, r)
-      complex(wp) :: value
-      real(wp) :: re(3), im(3)
-      integer :: i, k, l, sign
+   !> stretched  whether it is described by y - u(x_H)
+   pure function coupling(hose, stretched) result(c)
+      type(coupled_hose_t), intent(in) :: hose
+      logical, intent(in) :: stretched
+      real(wp) :: c(of_mass:of_stiffness)
 
-      re = real(f)
-      im = aimag(f)
-      do l = 1, r
-         do k = 1, r
-            H(k, l) = cmplx(self%h(1, k, l)*re(1) + self%h(2, k, l)*re(2) &
-               + self%h(3, k, l)*re(3), self%h(1, k, l)*im(1) + self%h(2, k, l)*im(2) &
-               + self%h(3, k, l)*im(3), wp)
-         end do
-      end do
-      do i = 1, size(self%hose)
-         associate (x => self%hose(i)%point, y => self%hose(i)%row, of => self%hose(i)%strength)
-            if (y == 0) cycle
-            sign = merge(1, -1, btest(form, i - 1))
-            value = of(of_mass)*f(of_mass)
-            if (sign < 0) value = of(of_damping)*f(of_damping) + of(of_stiffness)*f(of_stiffness)
-            H(x, x) = H(x, x) + value
-            H(x, y) = H(x, y) + sign*value
-            H(y, x) = H(x, y)
-         end associate
-      end do
-   end subroutine combine
+      c = hose%strength
+      if (stretched) then
+         c(of_damping:) = 0
+      else
+         c(of_mass) = 0
+      end if
+   end function coupling
+
+   !> Adds the coupling of a hose to H.
+   !>
+   !> stretched  as of `coupling`
+   !> value      of the coupling
+   pure subroutine couple(hose, stretched, value, H)
+      type(coupled_hose_t), intent(in) :: hose
+      logical, intent(in) :: stretched
+      complex(wp), intent(in) :: value
+      complex(wp), intent(inout) :: H(:, :)
+
+      associate (x => hose%point, y => hose%row)
+         H(x, x) = H(x, x) + value
+         H(x, y) = H(x, y) + merge(1, -1, stretched)*value
+         H(y, x) = H(x, y)
+      end associate
+   end subroutine couple
 
    !> Returns H/s**2 for large s, (r, r), with a positive number on the diagonal of each row that is
    !> held.

@@ -47,7 +47,8 @@ contains
             l=1, size(of_b))])
          used = used .and. (operators(:size(used))%derivative < 0 .or. layout%row > 0)
          self%operator = pack([(k, k=1, size(used))], used)
-         allocate (self%change(changes, size(self%operator), size(given%parameters)))
+         allocate (self%change(changes, size(self%operator), size(given%parameters)), &
+            self%acts(size(self%operator), size(given%parameters)))
       end if
       do i = 1, size(self%operator)
          k = self%operator(i)
@@ -67,7 +68,11 @@ contains
             self%change(of_stiffness, i, :) = 0
          end if
       end do
-      self%acts = any(abs(self%change) > 0, dim=1)
+      do l = 1, size(self%acts, 2)
+         do i = 1, size(self%operator)
+            self%acts(i, l) = any(abs(self%change(:, i, l)) > 0)
+         end do
+      end do
       self%last = changes
       if (.not. any(abs(self%change(of_loss + 1:, :, :)) > 0)) self%last = of_loss
    end subroutine set

@@ -66,20 +66,21 @@ contains
       integer, intent(in) :: which(:)
       real(wp), intent(out) :: motion(:, 0:, :)
       type(states_t) :: states
-      real(wp), allocatable :: x(:, :), weights(:, :, :)
+      real(wp), allocatable :: x(:, :)
       integer :: first, last, p, q
 
       states = at_rest(poles, excitation, size(motion, 2) > 1)
       allocate (x(min(block_size, size(times)), states%columns()))
-      weights = weights_of(poles, which, states%columns(), size(motion, 2) - 1)
-      do first = 1, size(times), block_size
-         if (interrupted()) return
-         last = min(first + block_size - 1, size(times))
-         call states%through(poles, excitation, times(first:last), x)
-         do q = 1, size(which)
-            call multiply_long(x, weights(:, :, q), motion(first:last, :, q))
+      associate (weights => weights_of(poles, which, states%columns(), size(motion, 2) - 1))
+         do first = 1, size(times), block_size
+            if (interrupted()) return
+            last = min(first + block_size - 1, size(times))
+            call states%through(poles, excitation, times(first:last), x)
+            do q = 1, size(which)
+               call multiply_long(x, weights(:, :, q), motion(first:last, :, q))
+            end do
          end do
-      end do
+      end associate
       if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
       do q = 1, size(which)
          if (which(q) < 3) cycle
@@ -176,8 +177,10 @@ contains
       class(states_t), intent(in) :: self
       integer :: k
 
-      columns = size(self%z) + size(self%y) &
-         + 2*sum([(size(self%cluster(k)%x), k=1, size(self%cluster))])
+      columns = size(self%z) + size(self%y)
+      do k = 1, size(self%cluster)
+         columns = columns + 2*size(self%cluster(k)%x)
+      end do
    end function columns
 
    !> Advances the states through given times, and through the nodes of the force in between.

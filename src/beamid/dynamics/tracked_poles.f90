@@ -10,7 +10,7 @@ module beamid_tracked_poles
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
-   use beamid_pole_derivatives, only: differentiate_poles, differentiate_root
+   use beamid_pole_derivatives, only: differentiate_poles, differentiate_roots
    use beamid_pole_search, only: find_poles
    use beamid_poles, only: find_residues, poles_t
    use beamid_responses, only: work_t
@@ -221,7 +221,7 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: assembly
-      complex(wp), dimension(size(parameters)) :: ds, dr
+      complex(wp) :: dr(size(self%poles%s), size(parameters))
       logical, dimension(size(self%poles%s)) :: done, waiting
       integer :: k, mode
 
@@ -243,10 +243,10 @@ contains
             return
          end if
          done(k) = .true.
-         call differentiate_root(assembly, poles%root(k), poles%vector(k), ds, dr)
          poles%s(k) = poles%root(k)%s
-         poles%ds(k, :) = ds
       end do
+      dr = 0
+      call differentiate_roots(assembly, poles%root, poles%vector, done, poles%ds, dr)
    end subroutine add_loss
 
    !> Assembles the equations of a structure in the modes of the mesh, for a force at a point.

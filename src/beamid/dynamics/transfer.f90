@@ -202,12 +202,12 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(out) :: dh(:)
       complex(wp) :: products(size(assembly%sensitivities%operator)), row_change(size(u)), &
-         factor(changes, 0:2)
+         factor(changes, 0:2), qo(size(q)), T(size(u), size(u))
       real(wp) :: load_rows(size(u))
       integer :: p
 
       call assembly%load%rows(form, load_rows, 0)
-      call assembly%products(form, q, u, o, u_o, products)
+      call assembly%products(form, q, u, o, u_o, qo, T, products)
       factor = assembly%oscillators%factors(point)
       do p = 1, size(dh)
          associate (moves => assembly%layout%moves(:, p), &

@@ -129,30 +129,26 @@ contains
    !> probability is 0.95 for a 95 % interval.
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
-      real(wp) :: below, above, excess, density, height
+      real(wp) :: excess, density, height, last
+      logical :: from_below
       integer :: k
 
-      below = 0
-      above = 1
-      do while (student_probability(above, freedom) < probability .and. above < 1e300_wp)
-         below = above
-         above = 2*above
-      end do
-      ! Newton's method within brackets; the derivative of the probability is twice the density.
       height = 2*exp(log_gamma((freedom + 1)/2) - log_gamma(freedom/2))/sqrt(freedom*pi)
-      t = (below + above)/2
-      do k = 1, 200
-         if (t <= below .or. t >= above) t = (below + above)/2
-         if (t <= below .or. t >= above) exit
+      ! The quantile of the normal distribution with the first correction for `freedom` (26.7.5 of
+      ! Abramowitz and Stegun), then Newton's method; the derivative of the probability is twice the
+      ! density. The probability is a concave function of t: once an iterate is below the root, the
+      ! next ones rise towards it.
+      t = normal_quantile((1 + probability)/2)
+      t = t + t*(t**2 + 1)/(4*freedom)
+      from_below = .false.
+      do k = 1, 1000
          excess = student_probability(t, freedom) - probability
-         if (excess < 0) then
-            below = t
-         else
-            above = t
-         end if
+         if (from_below .and. excess >= 0) exit
+         from_below = from_below .or. excess < 0
          density = height*exp(-(freedom + 1)/2*log(1 + t**2/freedom))
-         if (abs(excess) <= epsilon(t)*t*density) exit
-         t = t - excess/max(density, tiny(t))
+         last = t
+         t = max(t - excess/max(density, tiny(t)), t/2)
+         if (abs(t - last) <= epsilon(t)*t) exit
       end do
    end function student_quantile
 

@@ -323,9 +323,15 @@ contains
       type(search_t), intent(in) :: search
       real(wp), intent(in) :: x(:)
       real(wp) :: parameters(size(search%variables))
+      integer :: k
 
       parameters = search%parameters
-      parameters(search%moving) = search%variables(search%moving)%value(x)
+      ! A loop: an elemental call would copy the variables.
+      do k = 1, size(x)
+         associate (moving => search%moving(k))
+            parameters(moving) = search%variables(moving)%value(x(k))
+         end associate
+      end do
    end function physical_parameters
 
    !> Counts an iteration and reports it to the monitor.

@@ -39,24 +39,22 @@ module beamid_beams
    !> The parameter whose value all coefficients of E(x), or of c_D(x), have before a fit.
    integer, parameter :: common_of(2) = [of_E, of_c_D]
 
-   !> Values in a row: as which `transfer` copies them. (An array would be allocated each time.)
-   type :: all_numbers_t
-      real(wp) :: q(n_parameters) = 0
-   end type all_numbers_t
+   !> The values of all parameters, indexed by parameter number, and those of a part of a beam: as
+   !> which `transfer` copies them. (An array would be allocated each time.)
+   type, public :: parameter_values_t
+      real(wp) :: q(n_parameters)
+   end type parameter_values_t
    type :: numbers_t
       real(wp) :: q(n_beam) = 0
    end type numbers_t
 
 contains
 
-   !> Returns the values of all parameters, indexed by parameter number.
-   pure function values_of(beam) result(q)
+   !> Returns the values of all parameters.
+   pure type(parameter_values_t) function values_of(beam) result(values)
       class(beam_t), intent(in) :: beam
-      real(wp) :: q(n_parameters)
-      type(all_numbers_t) :: row
 
-      row = transfer(beam%values_t, row)
-      q = row%q
+      values = transfer(beam%values_t, values)
    end function values_of
 
    !> Returns the largest number of attachments of one kind; there is always a sensor.

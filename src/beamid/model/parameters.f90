@@ -12,7 +12,7 @@ module beamid_parameters
       J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, &
       most_coefficients, most_items, n_parameters, of_a_h, of_b, of_b_h, of_c_D, of_d, of_d_D, &
       of_E, of_eta, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, of_T, of_w_D, &
-      of_x_D, of_x_F, structure_t, values_of, x_H_at, x_M_at, x_P_at, x_S_at
+      of_x_D, of_x_F, structure_t, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
@@ -295,9 +295,12 @@ contains
       integer, intent(in) :: k
 
       real(wp) :: q(n_parameters + 3)
+      integer :: i
 
       associate (s => structure, place => parameters(k)%moderate%place)
-         q(:n_parameters) = values_of(s)
+         do i = 1, size(place)
+            if (place(i) >= 1 .and. place(i) <= n_parameters) q(place(i)) = s%get(place(i))
+         end do
          q(n_parameters + 1:) = [s%m_T + s%rho*s%length, 0.0_wp, 0.0_wp]
          if (any(place == n_parameters + 2)) q(n_parameters + 2) = s%tip_stiffness()
          if (any(place == n_parameters + 3)) q(n_parameters + 3) = s%omega()

@@ -9,7 +9,7 @@ module beamid_structure
       of_eta, of_g, of_gamma, of_I, of_J_S, of_J_T, of_k_H, of_kappa_R, of_length, of_m_H, of_m_S, &
       of_m_T, of_rho, of_T, of_w_D, of_x_D, of_x_F, of_x_S, root, rotation, sensor_t, support_t, &
       tip, x_H_at, x_M_at, x_P_at, x_S_at
-   use beamid_beams, only: beam_t, same_structure, values_of, yielding
+   use beamid_beams, only: beam_t, parameter_values_t, same_structure, values_of, yielding
    use beamid_columns, only: column_buckles, column_deflection, column_spring_t, column_t, &
       new_column
    use beamid_kinds, only: wp
@@ -19,7 +19,7 @@ module beamid_structure
    implicit none
    private
 
-   public :: structure_t, same_structure, values_of, yielding
+   public :: structure_t, parameter_values_t, same_structure, values_of, yielding
    public :: at_tip, c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, coefficient_at, &
       compliance_at, deflection, E_at, end_t, free_end, function_of, hose_t, is_coefficient, &
       item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, &
@@ -60,7 +60,7 @@ contains
 
       stiffening = 0
       if (k > n_parameters .and. .not. is_coefficient(k)) return
-      q = values_of(self)
+      q = complex_values(self)
       q(of_x_F) = self%place(of_x_F)
       moved = step*max(abs(self%get(k)), tiny(step)/step)
       if (k <= n_parameters) q(k) = cmplx(real(q(k)), moved, wp)
@@ -70,15 +70,23 @@ contains
       if (moved > 0) stiffening = -aimag(deflection)/(real(deflection)*moved)
    end function stiffening
 
+   !> Returns the values of all parameters.
+   pure function complex_values(self) result(q)
+      class(structure_t), intent(in) :: self
+      complex(wp) :: q(n_parameters)
+      type(parameter_values_t) :: values
+
+      values = values_of(self)
+      q = values%q
+   end function complex_values
+
    !> Returns the deflection at x under a unit static force at x_F [length/force].
    pure real(wp) function static_deflection(self, x)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: x
-      complex(wp) :: q(n_parameters)
 
-      q = values_of(self)
-      static_deflection = real(influence(self, q, cmplx(x, 0, wp), cmplx(self%place(of_x_F), 0, &
-         wp)))
+      static_deflection = real(influence(self, complex_values(self), cmplx(x, 0, wp), &
+         cmplx(self%place(of_x_F), 0, wp)))
    end function static_deflection
 
    !> Returns the static stiffness of the tip of a cantilever [force/length], the scale of all
@@ -90,7 +98,7 @@ contains
       complex(wp) :: q(n_parameters)
       real(wp) :: compliance
 
-      q = values_of(self)
+      q([of_length, of_E, of_I]) = [self%length, self%E, self%I]   ! what `flexibility` reads
       compliance = self%end(root)%kappa_R
       if (compliance >= no_spring) compliance = 10*self%length/(self%E*self%I)
       tip_stiffness = 1/(real(flexibility(self, q, [q(of_length), q(of_length)], [0, 0])) &
@@ -158,7 +166,7 @@ contains
       real(wp) :: rows(2, count(there))
       integer :: i, j
 
-      held = springs_of(self, cmplx(values_of(self), kind=wp), there)
+      held = springs_of(self, complex_values(self), there)
       ! Motion of a point by a unit deflection, and by a unit rotation about the root times l.
       do i = 1, size(held)
          rows(:, i) = [1 - held(i)%slope, 1]
@@ -289,7 +297,7 @@ contains
       if (self%rigid_body_modes() > 0) return
       if (self%variations%are_known() .or. self%has_fields()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
-      q = values_of(self)
+      q = complex_values(self)
       buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
    end function buckles
 

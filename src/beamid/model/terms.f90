@@ -10,7 +10,7 @@ module beamid_terms
       J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, &
       most_items, n_parameters, of_a_h, of_b_h, of_c_D, of_d, of_E, of_eta, of_g, of_gamma, of_I, &
       of_J_T, of_length, of_m_T, of_rho, of_T, of_x_F, root, rotation, structure_t, tip, &
-      values_of, x_H_at, x_M_at, x_P_at, x_S_at
+      parameter_values_t, values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
@@ -162,29 +162,34 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
       integer, intent(in) :: parameters(:)
-      real(wp), intent(out) :: s(:, :), slopes(:, :, :)
-      real(wp) :: q(n_parameters), value, scale
+      real(wp), intent(out), contiguous :: s(:, :), slopes(:, :, :)
+      type(parameter_values_t) :: values
+      real(wp) :: value, scale
       logical :: enters(size(parameters))
-      integer :: p, power, t
+      integer :: k, p, power, t
 
-      q = values_of(structure)
+      values = values_of(structure)
       s = 0
       slopes = 0
       do t = 1, size(terms)
          if (terms(t)%operator > size(s, 1)) exit
          if (.not. is_there(terms(t)%operator, structure)) cycle
-         associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
+         k = terms(t)%operator
+         associate (matrix => terms(t)%matrix, factor => terms(t)%factor, &
+            place => terms(t)%factor%place, q => values%q)
             value = value_of(factor, q)
             ! An infinite compliance means that there is no spring.
             if (matrix == of_compliance .and. value >= huge(value)) cycle
             do p = 1, size(parameters)
-               enters(p) = any(terms(t)%factor%place == parameters(p))
+               enters(p) = place(1) == parameters(p) .or. place(2) == parameters(p) .or. &
+                  place(3) == parameters(p)
             end do
             if (abs(value) <= 0 .and. .not. any(enters)) cycle
             power = operators(k)%growth
             if (matrix == of_compliance) power = -power
             ! The weight compresses a standing beam.
-            scale = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
+            scale = 1
+            if (structure%stands) scale = merge(-1, 1, any(place == of_g))
             if (power /= 0) scale = scale*(structure%length/mesh_length)**power
             value = scale*value
             s(k, matrix) = s(k, matrix) + value
@@ -196,10 +201,10 @@ contains
             end do
          end associate
       end do
-      where (s(:, of_compliance) > 0) s(:, of_stiffness) = 1/s(:, of_compliance)
-      do p = 1, size(parameters)
-         where (s(:, of_compliance) > 0) slopes(:, of_stiffness, p) = &
-            -slopes(:, of_compliance, p)*s(:, of_stiffness)**2
+      do k = 1, size(s, 1)
+         if (.not. s(k, of_compliance) > 0) cycle
+         s(k, of_stiffness) = 1/s(k, of_compliance)
+         slopes(k, of_stiffness, :) = -slopes(k, of_compliance, :)*s(k, of_stiffness)**2
       end do
    end subroutine strengths_and_slopes
 

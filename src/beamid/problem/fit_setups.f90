@@ -32,7 +32,7 @@ module beamid_fit_setups
       integer, allocatable :: record(:)    !< (n) record each of them belongs to; 0: all records
       logical :: offset = .false.          !< whether the offset of each sensor is unknown
    contains
-      procedure :: samples
+      procedure :: samples, samples_in
       procedure :: first_rows
       procedure :: sequence
       procedure :: are_ordered
@@ -68,10 +68,21 @@ contains
    !> Returns the number of measured values of all records together.
    pure integer function samples(self)
       class(fit_setup_t), intent(in) :: self
+
+      samples = self%samples_in(1, size(self%parts))
+   end function samples
+
+   !> Returns the number of rows of data of the parts from the first to the last given ones.
+   pure integer function samples_in(self, first, last)
+      class(fit_setup_t), intent(in) :: self
+      integer, intent(in) :: first, last
       integer :: i
 
-      samples = sum([(size(self%parts(i)%observed%measured), i=1, size(self%parts))])
-   end function samples
+      samples_in = 0
+      do i = first, last
+         samples_in = samples_in + size(self%parts(i)%observed%measured)
+      end do
+   end function samples_in
 
    !> Returns the row of the first sample of each record (records).
    pure function first_rows(self)

@@ -79,7 +79,10 @@ contains
       next_sample = 1
       total = 0
       do while (any(next_sample <= m))
-         time = minval(sample_times(min(next_sample, m)) + offsets, mask=next_sample <= m)
+         time = huge(time)
+         do k = 1, points
+            if (next_sample(k) <= m) time = min(time, sample_times(next_sample(k)) + offsets(k))
+         end do
          total = total + 1
          times(total) = time
          do k = 1, points
@@ -154,7 +157,7 @@ contains
    !> a       (m) acceleration at the samples [length/time**2]
    pure function of_motion(self, motion) result(a)
       class(sampling_t), intent(in) :: self
-      real(wp), intent(in) :: motion(:)
+      real(wp), intent(in), contiguous :: motion(:)
       real(wp) :: a(size(self%sample_times))
 
       associate (place => self%place, delta => self%observation%delta)

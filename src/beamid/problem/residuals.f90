@@ -207,7 +207,7 @@ contains
       i = 1
       do while (i <= size(self%parts))
          last = self%last_channel(i)
-         m = sum([(size(self%parts(k)%observed%measured), k=i, last)])
+         m = self%samples_in(i, last)
          active = pack([(k, k=1, n)], size(jac, 2) > 0 .and. &
             (self%record == 0 .or. self%record == i))
          associate (y => r(row + 1:row + m), block => jac(row + 1:row + m, :))
@@ -289,8 +289,11 @@ contains
       class(residual_t), intent(in) :: self
       integer :: i
 
-      has_long_record = self%exact .and. any([(size(self%parts(i)%observed%measured) >= few_rows, &
-         i=1, size(self%parts))])
+      has_long_record = .false.
+      if (.not. self%exact) return
+      do i = 1, size(self%parts)
+         has_long_record = has_long_record .or. self%samples_in(i, i) >= few_rows
+      end do
    end function has_long_record
 
    !> Computes residuals and derivatives in condensed rows, with the linear unknowns eliminated.

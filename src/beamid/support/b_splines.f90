@@ -58,7 +58,9 @@ contains
          values(2:p + 1) = values(1:p) - values(2:p + 1)
          values(1) = -values(1)
       end do
-      values = values*product([(real(p, wp), p=2, degree)])
+      do p = 2, degree
+         values = p*values
+      end do
    end function b_splines
 
 end module beamid_b_splines
