@@ -34,6 +34,7 @@ program test_local_decays
 
    call test_rows()
    call test_problems()
+   call test_values_before_derivatives()
    call test_threads()
    call test_resampled()
    call finish('local decays')
@@ -140,6 +141,33 @@ contains
       problem = problem_of(two, beam, 3, [prior_t ::])
       call compare('channels', problem)
    end subroutine test_problems
+
+   !> Derivatives at one place after values alone at another: every search of roots starts from the
+   !> poles at the estimate, whose derivatives the solver has kept.
+   subroutine test_values_before_derivatives()
+      type(residual_t) :: local, whole
+      type(basis_t), allocatable :: bases(:)
+      type(error_t), allocatable :: error
+      real(wp) :: covariance(4, 4), q(4), few(5), few_jac(5, 4), J(2)
+      real(wp), allocatable :: r(:), jac(:, :)
+
+      whole = problem_of([long_record(700, 3, 4)], truth, 3, [prior_t ::])
+      local = whole
+      allocate (r(whole%rows()), jac(whole%rows(), 4))
+      call local%condensed(exact, few, few_jac, error)
+      call check('derivatives at the estimate', .not. allocated(error))
+      covariance = 1e-6_wp*identity(4)*spread(exact**2, 2, 4)
+      call local%localize(exact, covariance, bases)
+      call local%squares(1.1_wp*exact, J, error)
+      call check('values at another place', .not. allocated(error))
+      q = 1.2_wp*exact
+      call local%condensed(q, few, few_jac, error)
+      call check('derivatives at a third place', .not. allocated(error))
+      call whole%evaluate(q, r, jac, error)
+      ! As in `compare`.
+      call check_close('derivatives at a third place: gradient', maxval(abs(matmul(few, few_jac) &
+         - matmul(r, jac))/(norm2(r)*norm2(jac, dim=1))), 0.0_wp, 1e-10_wp)
+   end subroutine test_values_before_derivatives
 
    !> Compares sums of squares of each record, condensed rows and the volume near the centre of the
    !> bases and far away with those of all rows. Near the centre the bases are used, which shows if

@@ -154,8 +154,8 @@ contains
    !> form  in which the motions are given, from `form_at`
    !> x, y  (n), (r) first motion: oscillators and rows A**-1 V'x
    !> z, w  (n), (r) second motion
-   !> xz    (n) products of both motions of the oscillators
-   !> T     (r, r) A y w', for the rows
+   !> xz    (n) space for the products of both motions of the oscillators
+   !> T     (r, r) space for A y w', those of the rows
    !> q     (operators that depend on a parameter) the products
    pure subroutine products(self, form, x, y, z, w, xz, T, q)
       class(assembly_t), intent(in) :: self

@@ -44,7 +44,6 @@ module beamid_couplings
    !> A pair of roots this many times above all poles of the oscillators has no influence on the
    !> observed motion.
    real(wp), parameter :: far_away = 1e5_wp
-   complex(wp), parameter :: one = 1
 
 contains
 
@@ -162,18 +161,20 @@ contains
       do l = 1, size(self%rigid)
          do k = 1, size(self%rigid)
             c = self%h(:, k, l)
-            H(k, l) = cmplx(c(1)*real(square) + c(2)*real(s) + c(3), &
-               c(1)*aimag(square) + c(2)*aimag(s), wp)
-            dH(k, l) = cmplx(2*c(1)*real(s) + c(2), 2*c(1)*aimag(s), wp)
-            if (present(hm)) hm(k, l) = c(1)
+            H(k, l) = cmplx(c(of_mass)*real(square) + c(of_damping)*real(s) + c(of_stiffness), &
+               c(of_mass)*aimag(square) + c(of_damping)*aimag(s), wp)
+            dH(k, l) = cmplx(2*c(of_mass)*real(s) + c(of_damping), 2*c(of_mass)*aimag(s), wp)
+            if (present(hm)) hm(k, l) = c(of_mass)
          end do
       end do
       do i = 1, size(self%hose)
          if (self%hose(i)%row == 0) cycle
          c = coupling(self%hose(i), btest(form, i - 1))
-         call couple(self%hose(i), btest(form, i - 1), c(1)*square + c(2)*s + c(3), H)
-         call couple(self%hose(i), btest(form, i - 1), 2*c(1)*s + c(2), dH)
-         if (present(hm)) call couple(self%hose(i), btest(form, i - 1), c(1)*one, hm)
+         call couple(self%hose(i), btest(form, i - 1), c(of_mass)*square + c(of_damping)*s &
+            + c(of_stiffness), H)
+         call couple(self%hose(i), btest(form, i - 1), 2*c(of_mass)*s + c(of_damping), dH)
+         if (present(hm)) &
+            call couple(self%hose(i), btest(form, i - 1), cmplx(c(of_mass), 0, wp), hm)
       end do
    end subroutine evaluate
 
@@ -193,14 +194,14 @@ contains
       do i = 1, size(self%hose)
          if (self%hose(i)%row == 0) cycle
          c = coupling(self%hose(i), btest(form, i - 1))
-         call couple(self%hose(i), btest(form, i - 1), c(matrix)*one, in_form)
+         call couple(self%hose(i), btest(form, i - 1), cmplx(c(matrix), 0, wp), in_form)
       end do
       h = real(in_form)
    end subroutine coefficients
 
    !> Returns the coefficients of s**2, s and 1 by which a hose couples with its point of the beam.
    !>
-   !> stretched  whether it is described by y - u(x_H)
+   !> stretched  whether the coordinate of the hose is y - u(x_H), not y
    pure function coupling(hose, stretched) result(c)
       type(coupled_hose_t), intent(in) :: hose
       logical, intent(in) :: stretched
@@ -216,8 +217,8 @@ contains
 
    !> Adds the coupling of a hose to H.
    !>
-   !> stretched  as of `coupling`
-   !> value      of the coupling
+   !> stretched  as in `coupling`
+   !> value      the coupling at s, or a coefficient of it
    pure subroutine couple(hose, stretched, value, H)
       type(coupled_hose_t), intent(in) :: hose
       logical, intent(in) :: stretched

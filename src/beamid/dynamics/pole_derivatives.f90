@@ -33,12 +33,11 @@ contains
       integer :: k, p, n
 
       n = size(assembly%given%parameters)
-      if (allocated(poles%ds)) then
-         if (any(shape(poles%ds) /= [size(poles%s), n])) &
-            deallocate (poles%ds, poles%dr, poles%dimpulse)
-      end if
-      if (.not. allocated(poles%ds)) &
-         allocate (poles%ds(size(poles%s), n), poles%dr(size(poles%s), n), poles%dimpulse(n))
+      ! The three may have different shapes: `start_from` restores `ds` alone.
+      if (allocated(poles%ds)) deallocate (poles%ds)
+      if (allocated(poles%dr)) deallocate (poles%dr)
+      if (allocated(poles%dimpulse)) deallocate (poles%dimpulse)
+      allocate (poles%ds(size(poles%s), n), poles%dr(size(poles%s), n), poles%dimpulse(n))
       do k = 1, size(poles%cluster)
          if (.not. poles%cluster(k)%knows(assembly%given%parameters)) &
             call measure(assembly, poles%cluster(k))
@@ -215,7 +214,7 @@ contains
    !>
    !> dQx               (n) as in `differentiate_by_root`
    !> observed, driven  o'x/A and x'F/A
-   !> load_rows         (r) load on the rows
+   !> load_rows         (r) space for the load on the rows
    !> z                 (n) oscillators
    !> w                 (r) rows, as y of an eigenvector
    !> mu                (r) forces along the rows, as f of an eigenvector
@@ -236,7 +235,7 @@ contains
             mu(l) = observed*(load_rows(l) - 2*driven*sum(dH(:, l)*y))
          end do
          mu(assembly%layout%sensor) = mu(assembly%layout%sensor) + driven
-         ! z is the force on the oscillators first.
+         ! z first holds the force on the oscillators.
          z = observed*assembly%load%remainder(:, 0) - 2*observed*driven*dQx
          if (assembly%load%feels_base) z = z + observed*assembly%load%velocity(:, 0)/root%s
          if (assembly%is_dense()) then

@@ -73,7 +73,7 @@ contains
       allocate (x(min(block_size, size(times)), states%columns()))
       associate (weights => weights_of(poles, which, states%columns(), size(motion, 2) - 1))
          do first = 1, size(times), block_size
-            if (interrupted()) return
+            if (interrupted()) exit
             last = min(first + block_size - 1, size(times))
             call states%through(poles, excitation, times(first:last), x)
             do q = 1, size(which)
@@ -81,6 +81,7 @@ contains
             end do
          end do
       end associate
+      if (interrupted()) return
       if (.not. poles%has_all()) call add_quasi_static(poles, excitation, times, which, motion)
       do q = 1, size(which)
          if (which(q) < 3) cycle

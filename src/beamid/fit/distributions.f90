@@ -125,8 +125,8 @@ contains
       end if
    end function student_probability
 
-   !> Returns the t with P(|T| <= t) = probability, 0 < probability < 1, to machine precision. The
-   !> probability is 0.95 for a 95 % interval.
+   !> Returns the t with P(|T| <= t) = probability, 0 < probability < 1, up to the round-off of
+   !> `student_probability`. The probability is 0.95 for a 95 % interval.
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
       real(wp) :: excess, density, height, last
@@ -138,7 +138,7 @@ contains
       ! Abramowitz and Stegun), then Newton's method; the derivative of the probability is twice the
       ! density. The probability is a concave function of t: once an iterate is below the root, the
       ! next ones rise towards it.
-      t = normal_quantile((1 + probability)/2)
+      t = -normal_quantile((1 - probability)/2)
       t = t + t*(t**2 + 1)/(4*freedom)
       from_below = .false.
       do k = 1, 1000

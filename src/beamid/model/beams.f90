@@ -39,11 +39,12 @@ module beamid_beams
    !> The parameter whose value all coefficients of E(x), or of c_D(x), have before a fit.
    integer, parameter :: common_of(2) = [of_E, of_c_D]
 
-   !> The values of all parameters, indexed by parameter number, and those of a part of a beam: as
-   !> which `transfer` copies them. (An array would be allocated each time.)
+   !> The values of all parameters, indexed by parameter number. `transfer` copies a beam to this
+   !> type, because an array would be allocated each time.
    type, public :: parameter_values_t
       real(wp) :: q(n_parameters)
    end type parameter_values_t
+   !> The values of the beam, or those of one attachment, for `transfer` as well.
    type :: numbers_t
       real(wp) :: q(n_beam) = 0
    end type numbers_t

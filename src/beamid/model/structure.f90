@@ -98,7 +98,7 @@ contains
       complex(wp) :: q(n_parameters)
       real(wp) :: compliance
 
-      q([of_length, of_E, of_I]) = [self%length, self%E, self%I]   ! what `flexibility` reads
+      q([of_length, of_E, of_I]) = [self%length, self%E, self%I]   ! `flexibility` reads these
       compliance = self%end(root)%kappa_R
       if (compliance >= no_spring) compliance = 10*self%length/(self%E*self%I)
       tip_stiffness = 1/(real(flexibility(self, q, [q(of_length), q(of_length)], [0, 0])) &

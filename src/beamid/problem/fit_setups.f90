@@ -72,7 +72,7 @@ contains
       samples = self%samples_in(1, size(self%parts))
    end function samples
 
-   !> Returns the number of rows of data of the parts from the first to the last given ones.
+   !> Returns the number of measured values of records `first` to `last` together.
    pure integer function samples_in(self, first, last)
       class(fit_setup_t), intent(in) :: self
       integer, intent(in) :: first, last
