@@ -43,7 +43,7 @@ module beamid_assembly
       type(modal_load_t) :: load               !< F
       type(sensitivities_t) :: sensitivities   !< slopes of Q without E
    contains
-      procedure :: renew, is_dense, is_undamped, roots, unknowns, set_loss, products, full_matrices
+      procedure :: renew, is_dense, is_undamped, roots, set_loss, products, full_matrices
       procedure, private :: set_values
    end type assembly_t
 
@@ -129,13 +129,6 @@ contains
 
       roots = 2*(self%layout%n - count(self%couplings%rigid))
    end function roots
-
-   !> Returns the number of unknowns, n + r.
-   pure integer function unknowns(self)
-      class(assembly_t), intent(in) :: self
-
-      unknowns = self%layout%n + self%layout%r
-   end function unknowns
 
    !> Sets the structural damping to a share of that of another assembly of the same beam.
    pure subroutine set_loss(self, whole, share)

@@ -96,7 +96,8 @@ contains
       integer, intent(in) :: l
       type(root_t), allocatable, intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
-      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
+      complex(wp), dimension(assembly%layout%n + assembly%layout%r, &
+         assembly%layout%n + assembly%layout%r) :: P, dP
       complex(wp) :: x(size(P, 1), count(assembly%oscillators%relaxed(:, l) > 0))
       real(wp), dimension(size(P, 1)) :: rows, columns
       real(wp), dimension(size(x, 2), size(x, 2)) :: T, unit

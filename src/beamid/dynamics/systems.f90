@@ -113,7 +113,8 @@ contains
       type(root_t), intent(inout) :: root
       integer, parameter :: max_steps = 20
       real(wp), parameter :: tolerance = 3e-8_wp
-      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
+      complex(wp), dimension(assembly%layout%n + assembly%layout%r, &
+         assembly%layout%n + assembly%layout%r) :: P, dP
       complex(wp), dimension(assembly%layout%r, assembly%layout%r) :: H, dH
       complex(wp) :: z(size(P, 1), 1), rhs(size(P, 1)), left(size(P, 1)), change
       real(wp), dimension(size(P, 1)) :: rows, columns
@@ -214,7 +215,8 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
-      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP
+      complex(wp), dimension(assembly%layout%n + assembly%layout%r, &
+         assembly%layout%n + assembly%layout%r) :: P, dP
       complex(wp) :: z(size(P, 1), 1)
       real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), n, r, step

@@ -130,7 +130,8 @@ contains
       type(root_t), intent(in) :: point
       type(transfer_t), intent(inout) :: value
       type(inverse_t), intent(inout) :: inverse
-      complex(wp), dimension(assembly%unknowns(), assembly%unknowns()) :: P, dP, full
+      complex(wp), dimension(assembly%layout%n + assembly%layout%r, &
+         assembly%layout%n + assembly%layout%r) :: P, dP, full
       complex(wp) :: solution(size(P, 1))
       integer :: pivots(size(P, 1)), i, n, r
 
