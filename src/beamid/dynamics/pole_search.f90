@@ -189,7 +189,7 @@ contains
 
       s = poles%root%s
       if (.not. allocated(poles%values)) return
-      new = parameter_values(assembly, poles%parameters)
+      allocate (new, source=parameter_values(assembly, poles%parameters))
       change = 0
       linear_change = 0
       do p = 1, size(new)
