@@ -8,9 +8,9 @@ module beamid_terms
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, deflection, J_M_at, &
       J_S_at, k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, &
-      most_items, n_parameters, of_a_h, of_b_h, of_c_D, of_d, of_E, of_eta, of_g, of_gamma, of_I, &
-      of_J_T, of_length, of_m_T, of_rho, of_T, of_x_F, root, rotation, structure_t, tip, &
-      parameter_values_t, values_of, x_H_at, x_M_at, x_P_at, x_S_at
+      most_items, of_a_h, of_b_h, of_c_D, of_d, of_E, of_eta, of_g, of_gamma, of_I, of_J_T, &
+      of_length, of_m_T, of_rho, of_T, of_x_F, parameter_values_t, root, rotation, structure_t, &
+      tip, values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
@@ -180,6 +180,7 @@ contains
             value = value_of(factor, q)
             ! An infinite compliance means that there is no spring.
             if (matrix == of_compliance .and. value >= huge(value)) cycle
+            ! Written out: this is the innermost loop of every evaluation's set-up.
             do p = 1, size(parameters)
                enters(p) = place(1) == parameters(p) .or. place(2) == parameters(p) .or. &
                   place(3) == parameters(p)
