@@ -65,11 +65,16 @@ show_progress() {
 
 # fpm's options for a profile. Its release profile compiles with -O3 -funroll-loops, which it puts
 # behind all other flags. With -O2 a free decay is fitted in three quarters of the time, and the
-# program is built in two thirds of the time and is smaller by a third.
+# program is built in two thirds of the time and is smaller by a third. Each procedure has a section of
+# its own, so that the linker leaves out those that nothing calls: gfortran writes procedures that copy
+# and finalize every type. The program is smaller by another seventh.
 options_of() {
+   local leave_out=-Wl,--gc-sections
    profile_options=(--profile "$1")
-   [[ $1 != release ]] ||
-      profile_options=(--flag '-O2 -Wimplicit-interface -fPIC -fmax-errors=1 -fcoarray=single')
+   [[ $1 == release ]] || return 0
+   [[ $(uname) != Darwin ]] || leave_out=-Wl,-dead_strip
+   profile_options=(--flag "-O2 -ffunction-sections -fdata-sections -Wimplicit-interface -fPIC \
+-fmax-errors=1 -fcoarray=single" --link-flag "$leave_out")
 }
 
 # Runs `fpm build` with the options, and keeps what it prints in the file `log`.
