@@ -13,8 +13,8 @@ program test_varying
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: to_text
    use beamid_structure, only: end_t, free_end, E_at, of_d_D, of_w_D, of_x_D, structure_t
-   use beamid_variations, only: as_spline, field_modulus, in_lines, in_steps, new_variation, &
-      variations_t
+   use beamid_variations, only: as_spline, field_modulus, in_lines, in_steps, known_c_D, &
+      known_E, known_height, known_rho, known_width, new_variation, variations_t
    use checks, only: check, check_close, finish, of_mesh
    use static_checks, only: check_statics
    use stepped_beams, only: stepped_frequencies
@@ -70,8 +70,8 @@ contains
       real(wp), intent(in) :: share
       logical, intent(in) :: double
 
-      varied%height = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, share])
-      if (double) varied%width = varied%height
+      varied%known(known_height) = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, share])
+      if (double) varied%known(known_width) = varied%known(known_height)
       varied%by_density = .true.
    end function taper
 
@@ -141,9 +141,11 @@ contains
                   x = (mesh%elements/2 + beside(b))/mesh%elements
                   exact = stepped_frequencies([x, 1.0_wp], [1.0_wp, E(j)], [1.0_wp, rho(j)], 3)
                   varied = variations_t()
-                  if (abs(E(j) - 1) > 0) varied%E = new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
+                  if (abs(E(j) - 1) > 0) varied%known(known_E) = &
+                     new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
                      [1.0_wp, E(j), E(j)])
-                  if (abs(rho(j) - 1) > 0) varied%rho = new_variation(in_steps, [0.0_wp, x, &
+                  if (abs(rho(j) - 1) > 0) varied%known(known_rho) = &
+                     new_variation(in_steps, [0.0_wp, x, &
                      1.0_wp], [1.0_wp, rho(j), rho(j)])
                   off(:, i) = abs(frequencies(varied, mesh, 3)/exact - 1)
                   if (abs(E(j) - 1) > 0 .and. p == 1) plain(:, i) = abs(without_knots(varied, x, &
@@ -181,12 +183,13 @@ contains
       type(variations_t) :: split
       integer :: q
 
-      split%rho = varied%rho
-      if (split%rho%kind /= in_steps) split%rho = new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
+      split%known(known_rho) = varied%known(known_rho)
+      if (split%known(known_rho)%kind /= in_steps) split%known(known_rho) = &
+         new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
          [1.0_wp, 1.0_wp, 1.0_wp])
       galerkin = new_galerkin(mesh, 1.0_wp, variations=split)
-      do q = 1, size(galerkin%bent%xi)
-         galerkin%known(q, 1) = varied%E%at(galerkin%bent%xi(q))
+      do q = 1, size(galerkin%bent)
+         galerkin%known(q, 1) = varied%known(known_E)%at(galerkin%bent(q)%xi)
       end do
       galerkin%bending = galerkin%bending_band(galerkin%known(:, 1))
       omega = frequencies_of(galerkin, 3)
@@ -200,7 +203,8 @@ contains
       real(wp) :: exact(3), off(3, 2), order
       integer :: i, p
 
-      varied%E = new_variation(in_lines, [0.0_wp, 1/3.0_wp, 1.0_wp], [1.0_wp, 0.6_wp, 1.1_wp])
+      varied%known(known_E) = &
+         new_variation(in_lines, [0.0_wp, 1/3.0_wp, 1.0_wp], [1.0_wp, 0.6_wp, 1.1_wp])
       exact = frequencies(varied, mesh_t(5, 64, 6, 1), 3)
       do p = 1, 2
          do i = 1, 2
@@ -225,7 +229,8 @@ contains
       integer :: i
 
       s = structure_t(length=1, rho=1, E=1, I=1, g=20)
-      varied%rho = new_variation(in_steps, [0.0_wp, 1/3.0_wp, 1.0_wp], [1.0_wp, 4.0_wp, 4.0_wp])
+      varied%known(known_rho) = &
+         new_variation(in_steps, [0.0_wp, 1/3.0_wp, 1.0_wp], [1.0_wp, 4.0_wp, 4.0_wp])
       exact = frequencies(varied, mesh_t(7, 30, 8, 1), 3, s)
       do i = 1, 2
          off(:, i) = abs(frequencies(varied, mesh_t(3, 16*i, 4, 1), 3, s)/exact - 1)
@@ -270,13 +275,17 @@ contains
       s%support(1)%x_P = 0.325_wp
       s%support(1)%kappa_P = 0.02_wp
       associate (v => s%variations)
-         v%height = new_variation(in_lines, [0.0_wp, 0.4_wp, 1.0_wp], [1.0_wp, 0.9_wp, 0.5_wp])
-         v%width = new_variation(as_spline, [0.0_wp, 0.3_wp, 0.6_wp, 1.0_wp], [1.0_wp, 1.3_wp, &
+         v%known(known_height) = &
+            new_variation(in_lines, [0.0_wp, 0.4_wp, 1.0_wp], [1.0_wp, 0.9_wp, 0.5_wp])
+         v%known(known_width) = &
+            new_variation(as_spline, [0.0_wp, 0.3_wp, 0.6_wp, 1.0_wp], [1.0_wp, 1.3_wp, &
             0.8_wp, 0.9_wp])
          v%by_density = .true.
          ! Under force and support w''' jumps: knots for that.
-         v%c_D = new_variation(in_lines, [0.0_wp, 0.25_wp, 0.75_wp, 1.0_wp], spread(1.0_wp, 1, 4))
-         if (kind <= 2) v%E = new_variation(in_steps, [0.0_wp, 0.55_wp], [1.0_wp, 0.7_wp])
+         v%known(known_c_D) = &
+            new_variation(in_lines, [0.0_wp, 0.25_wp, 0.75_wp, 1.0_wp], spread(1.0_wp, 1, 4))
+         if (kind <= 2) v%known(known_E) = &
+            new_variation(in_steps, [0.0_wp, 0.55_wp], [1.0_wp, 0.7_wp])
          v%along(field_modulus)%coefficients = merge(6, 0, kind > 2)
          v%along(field_modulus)%degree = merge(3, 1, kind == 3)
       end associate

@@ -14,7 +14,7 @@ program test_varying_motions
    use beamid_structure, only: c_D_at, E_at, of_c_D, of_c_H, of_d_D, of_E, of_g, of_gamma, &
       of_kappa_R, of_k_H, of_length, of_m_T, of_rho, of_w_D, of_x_D, of_x_S, sensor_t, structure_t
    use beamid_variations, only: as_spline, field_modulus, field_viscosity, in_lines, in_steps, &
-      new_variation
+      known_c_D, known_E, known_gamma, known_height, known_rho, known_width, new_variation
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, galerkin, kinds, motion_columns, prepare, relative, solver
    use random_experiments, only: experiment_t
@@ -52,12 +52,15 @@ contains
          sensor=sensor_t(m_S=0.05_wp, x_S=0.7_wp))
       associate (v => s%variations)
          if (way == known) then
-            v%E = new_variation(in_steps, [0.0_wp, 0.41_wp], [1.0_wp, 0.6_wp])
-            v%c_D = new_variation(as_spline, [0.0_wp, 0.3_wp, 0.7_wp, 1.0_wp], [1.0_wp, 0.6_wp, &
+            v%known(known_E) = new_variation(in_steps, [0.0_wp, 0.41_wp], [1.0_wp, 0.6_wp])
+            v%known(known_c_D) = &
+               new_variation(as_spline, [0.0_wp, 0.3_wp, 0.7_wp, 1.0_wp], [1.0_wp, 0.6_wp, &
                1.4_wp, 0.8_wp])
-            v%gamma = new_variation(in_lines, [0.0_wp, 0.6_wp, 1.0_wp], [1.0_wp, 2.0_wp, 0.5_wp])
-            v%height = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.7_wp])
-            v%width = new_variation(as_spline, [0.0_wp, 0.5_wp, 1.0_wp], [1.0_wp, 1.2_wp, 0.9_wp])
+            v%known(known_gamma) = &
+               new_variation(in_lines, [0.0_wp, 0.6_wp, 1.0_wp], [1.0_wp, 2.0_wp, 0.5_wp])
+            v%known(known_height) = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.7_wp])
+            v%known(known_width) = &
+               new_variation(as_spline, [0.0_wp, 0.5_wp, 1.0_wp], [1.0_wp, 1.2_wp, 0.9_wp])
             v%by_density = .true.
          else if (way == dip) then
             call s%set(of_x_D, 0.35_wp)
@@ -108,7 +111,8 @@ contains
                s%hose(1)%k_H = 2
             case (6)
                s%g = 3
-               s%variations%rho = new_variation(in_steps, [0.0_wp, 0.47_wp], [1.0_wp, 1.6_wp])
+               s%variations%known(known_rho) = &
+                  new_variation(in_steps, [0.0_wp, 0.47_wp], [1.0_wp, 1.6_wp])
             end select
          end associate
          call compare(trim(ways(way))//', '//trim(names(i)), e)
@@ -127,7 +131,8 @@ contains
       integer :: k
 
       e%structure = structure_t(length=1, rho=1, E=1, I=1, c_D=0.05_wp, gamma=1)
-      e%structure%variations%gamma = new_variation(in_lines, [0.0_wp, 1.0_wp], [2.0_wp, 0.0_wp])
+      e%structure%variations%known(known_gamma) = &
+         new_variation(in_lines, [0.0_wp, 1.0_wp], [2.0_wp, 0.0_wp])
       e%mesh = mesh_t(5, 4, 6, 1)
       e%sampling = new_sampling(observation_t(), [(100 + 0.1_wp*k, k=1, 12)])
       call new_base_motion([0.0_wp, 1.0_wp, 1.5_wp, 200.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], &
@@ -178,15 +183,15 @@ contains
       s = structure_t(length=decades(-0.5_wp, 1.0_wp), rho=decades(-1.0_wp, 1.0_wp), &
          E=decades(-1.0_wp, 2.0_wp), I=decades(-1.0_wp, 1.0_wp))
       associate (v => s%variations)
-         if (uniform() < 0.5_wp) v%rho = random_variation()
-         if (uniform() < 0.5_wp) v%gamma = random_variation()
+         if (uniform() < 0.5_wp) v%known(known_rho) = random_variation()
+         if (uniform() < 0.5_wp) v%known(known_gamma) = random_variation()
          if (uniform() < 0.5_wp) then
-            v%height = random_variation()
+            v%known(known_height) = random_variation()
             v%by_density = uniform() < 0.5_wp
          end if
          if (way < cubic) then
-            if (uniform() < 0.7_wp) v%E = random_variation()
-            if (uniform() < 0.7_wp) v%c_D = random_variation()
+            if (uniform() < 0.7_wp) v%known(known_E) = random_variation()
+            if (uniform() < 0.7_wp) v%known(known_c_D) = random_variation()
          else
             v%along(field_modulus)%coefficients = 3 + pick(4)
             v%along(field_modulus)%degree = merge(3, 1, way == cubic)

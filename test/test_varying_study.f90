@@ -7,7 +7,8 @@ program test_varying_study
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at
    use beamid_unknowns, only: quantity_t, variables_of
-   use beamid_variations, only: as_spline, field_modulus, in_steps, new_variation, variation_t
+   use beamid_variations, only: as_spline, field_modulus, in_steps, known_E, new_variation, &
+      variation_t
    use checks, only: check, check_close, finish, in_long_run, skip
    use shell, only: close_shell, in_root, line_count, open_shell, outcome_t, read_file
    use tables, only: line_of => line, number
@@ -88,14 +89,14 @@ contains
       J = huge(J)
       model%structure = structure_t(length=4, rho=0.03_wp, E=E_0, I=1, c_D=0.02_wp, m_T=0.06_wp, &
          J_T=0.03_wp)
-      model%structure%variations%E = truth
+      model%structure%variations%known(known_E) = truth
       allocate (modal_t :: model%solver)
       t = [(0.01_wp*k, k=1, size(t))]
       call new_force_table([0.0_wp, 0.05_wp, 0.1_wp], [0.0_wp, 1.0_wp, 0.0_wp], model%excitation, &
          error)
       if (.not. allocated(error)) call simulate(model, mesh_t(degree=5, elements=24, &
          gauss_points=6), t, simulation, error)
-      model%structure%variations%E = variation_t()
+      model%structure%variations%known(known_E) = variation_t()
       model%structure%variations%along(field_modulus)%coefficients = pieces + 3
       stage%free = E_at(:pieces + 3)
       stage%lower = spread(E_0/3, 1, pieces + 3)

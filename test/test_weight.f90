@@ -21,7 +21,8 @@ program test_weight
    use beamid_structure, only: end_t, free_end, no_spring, of_c_D, of_E, of_length, sensor_t, &
       structure_t
    use beamid_structure_checks, only: check_structure
-   use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
+   use beamid_variations, only: as_spline, in_lines, known_c_D, known_height, new_variation, &
+      variations_t
    use checks, only: check, check_close, finish, held_root
    use hermite_beams, only: hermite_frequencies
    use integration_errors, only: accumulated_error
@@ -387,7 +388,7 @@ contains
 
    !> Depth linear, half at the tip: E I like (1 - xi/2)**3, mass like 1 - xi/2.
    type(variations_t) function wedge() result(varied)
-      varied%height = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.5_wp])
+      varied%known(known_height) = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.5_wp])
       varied%by_density = .true.
    end function wedge
 
@@ -409,7 +410,7 @@ contains
       integer :: k
 
       varied = wedge()
-      varied%c_D = new_variation(as_spline, [0.0_wp, 0.3_wp, 0.7_wp, 1.0_wp], &
+      varied%known(known_c_D) = new_variation(as_spline, [0.0_wp, 0.3_wp, 0.7_wp, 1.0_wp], &
          [1.0_wp, 0.6_wp, 1.4_wp, 0.8_wp])
       times = [(0.3_wp*k, k=1, 20)]
       pulse = new_pulse(1.0_wp, 0.5_wp)

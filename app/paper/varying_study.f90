@@ -9,7 +9,7 @@ module beamid_varying_study
    use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variations, only: as_spline, field_modulus, field_viscosity, in_steps, &
-      new_variation, variation_t
+      known_c_D, known_E, new_variation, variation_t
    implicit none
    private
 
@@ -86,9 +86,9 @@ contains
          associate (problem => problems(k), structure => problems(k)%model%structure)
             structure = structure_t(length=4, rho=0.03_wp, E=E_0, I=1, c_D=c_D_0, m_T=0.06_wp, &
                J_T=0.03_wp)
-            structure%variations%E = smooth
-            if (k == 2) structure%variations%c_D = viscous
-            if (k == 3) structure%variations%E = step
+            structure%variations%known(known_E) = smooth
+            if (k == 2) structure%variations%known(known_c_D) = viscous
+            if (k == 3) structure%variations%known(known_E) = step
             problem%functions = merge(2, 1, k == 2)
             problem%has_step = k == 3
             allocate (modal_t :: problem%model%solver)
@@ -120,8 +120,10 @@ contains
       associate (structure => problem%model%structure)
          do k = 1, points
             problem%x(k) = (k - 0.5_wp)/points
-            problem%truth(k, :) = [structure%E*structure%variations%E%at(problem%x(k)), &
-               structure%c_D*structure%variations%c_D%at(problem%x(k))]
+            associate (known => structure%variations%known)
+               problem%truth(k, :) = [structure%E*known(known_E)%at(problem%x(k)), &
+                  structure%c_D*known(known_c_D)%at(problem%x(k))]
+            end associate
          end do
       end associate
    end subroutine record_truth
@@ -214,13 +216,13 @@ contains
       integer :: j
 
       model = problem%model
-      model%structure%variations%E = variation_t()
+      model%structure%variations%known(known_E) = variation_t()
       model%structure%variations%along(field_modulus)%coefficients = coefficients
       model%structure%variations%along(field_modulus)%degree = degree
       stage%free = E_at(:coefficients)
       from = spread(E_0, 1, coefficients)
       if (problem%functions == 2) then
-         model%structure%variations%c_D = variation_t()
+         model%structure%variations%known(known_c_D) = variation_t()
          model%structure%variations%along(field_viscosity)%coefficients = coefficients
          model%structure%variations%along(field_viscosity)%degree = degree
          stage%free = [stage%free, c_D_at(:coefficients)]

@@ -10,7 +10,8 @@ module beamid_along_groups
    use beamid_strings, only: to_text
    use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
    use beamid_values, only: positive, range_t
-   use beamid_variations, only: as_spline, constant, in_steps, new_variation, variation_t
+   use beamid_variations, only: as_spline, constant, in_steps, known_names, new_variation, &
+      variation_t
    implicit none
    private
 
@@ -171,12 +172,13 @@ contains
       integer :: j, k
 
       lowest = huge(lowest)
-      do k = 1, size(variation%xi) - 1
-         do j = 0, parts
-            lowest = min(lowest, variation%at(variation%xi(k) + (variation%xi(k + 1) &
-               - variation%xi(k))*j/parts))
+      associate (xi => variation%table(:, 1))
+         do k = 1, size(xi) - 1
+            do j = 0, parts
+               lowest = min(lowest, variation%at(xi(k) + (xi(k + 1) - xi(k))*j/parts))
+            end do
          end do
-      end do
+      end associate
    end function lowest
 
    !> Returns the reference value of a property that varies: its value at the root or, if that is 0,
@@ -205,7 +207,6 @@ contains
       type(along_t), intent(in) :: along
       real(wp), intent(in) :: value
       type(structure_t), intent(inout) :: structure
-      type(variation_t) :: variation
       real(wp), allocatable :: xi(:)
       integer :: n
       real(wp), parameter :: same = 1e-9_wp
@@ -226,15 +227,8 @@ contains
          to_text(value)//' of &beam, or that left out')
       if (block%failed()) return
       if (along%kind /= in_steps) xi(n) = 1
-      variation = new_variation(along%kind, xi, along%value/value)
-      select case (along%parameter)
-      case ('E'); structure%variations%E = variation
-      case ('c_D'); structure%variations%c_D = variation
-      case ('rho'); structure%variations%rho = variation
-      case ('gamma'); structure%variations%gamma = variation
-      case ('width'); structure%variations%width = variation
-      case ('height'); structure%variations%height = variation
-      end select
+      structure%variations%known(findloc(known_names, along%parameter, dim=1)) = &
+         new_variation(along%kind, xi, along%value/value)
    end subroutine settle_along
 
 end module beamid_along_groups

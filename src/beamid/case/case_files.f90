@@ -120,9 +120,20 @@ module beamid_case_files
       type(ensemble_t) :: ensemble              !< group &ensemble
       type(draw_t), allocatable :: draws(:)     !< parameters drawn for each ensemble member
       type(string_t), allocatable :: files(:)   !< every file that the case names, in order
+   contains
+      procedure :: copy_to
    end type case_t
 
 contains
+
+   !> Copies the case. gfortran writes an assignment of so large a type out in place, so that copies
+   !> are made here.
+   subroutine copy_to(self, copy)
+      class(case_t), intent(in) :: self
+      type(case_t), intent(inout) :: copy
+
+      copy = self
+   end subroutine copy_to
 
    !> Returns a case with all defaults, before any group is read.
    !>

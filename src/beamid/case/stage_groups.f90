@@ -16,7 +16,7 @@ module beamid_stage_groups
       structure_t
    use beamid_values, only: listed, range_t
    use beamid_variables, only: unbounded
-   use beamid_variations, only: constant, field_t
+   use beamid_variations, only: constant, field_t, known_c_D, known_E
    implicit none
    private
 
@@ -135,8 +135,8 @@ contains
       integer :: a, j, k
       logical :: known(size(fields)), any_field
 
-      known = [structure%variations%E%kind /= constant .or. structure%has_dip(), &
-         structure%variations%c_D%kind /= constant]
+      known = [structure%variations%known(known_E)%kind /= constant .or. structure%has_dip(), &
+         structure%variations%known(known_c_D)%kind /= constant]
       any_field = .false.
       do a = 1, size(fields)
          field = trim(fields(a))//'(x)'

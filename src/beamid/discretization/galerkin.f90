@@ -28,15 +28,15 @@ module beamid_galerkin
       logical :: at_attachments = .false.   !< knots at the attachments inside the beam
    end type mesh_t
 
-   !> Quadrature points along the beam.
-   type :: points_t
-      integer, allocatable :: element(:)   !< (points) element, from 0
-      !> (points) first and last basis function that is nonzero on the element
-      integer, allocatable :: first(:), last(:)
-      real(wp), allocatable :: s(:)        !< (points) relative position in the element, 0 .. 1
-      real(wp), allocatable :: xi(:)       !< (points) position x/l
-      real(wp), allocatable :: weight(:)   !< (points) quadrature weight [length]
-   end type points_t
+   !> A quadrature point.
+   type :: point_t
+      integer :: element = 0               !< element, from 0
+      !> first and last basis function that is nonzero on the element
+      integer :: first = 0, last = 0
+      real(wp) :: s = 0                    !< relative position in the element, 0 .. 1
+      real(wp) :: xi = 0                   !< position x/l
+      real(wp) :: weight = 0               !< quadrature weight [length]
+   end type point_t
 
    !> The spline space of a mesh and its integrals.
    type :: galerkin_t
@@ -50,10 +50,10 @@ module beamid_galerkin
       !> because they then equal `inertia` and `bending`
       type(band_t) :: air, viscous
       real(wp), allocatable :: tip(:)     !< (n) values b_i(l)
-      type(points_t) :: bent              !< quadrature points of the bending integrals
+      type(point_t), allocatable :: bent(:)   !< (bending points) of the bending integrals
       !> (bending points, 2) known factors of stiffness and viscosity there
       real(wp), allocatable :: known(:, :)
-      type(points_t), private :: points   !< quadrature points of the other integrals
+      type(point_t), allocatable, private :: points(:)   !< (points) of the other integrals
       !> (points, factors) their weights, without a factor and times those of mass and air damping
       real(wp), allocatable, private :: weights(:, :)
       !> (degree + 1, bending points) sqrt(weight) b'' of the functions on the point's element
@@ -141,21 +141,20 @@ contains
       if (self%varies) self%air = self%inertia
       if (self%varies) self%viscous = self%inertia
       call tabulate_curvature(self)
-      allocate (self%weights(size(self%points%xi), 3))
-      associate (v => self%variations, e => self%points%element, first => self%points%first, &
-         s => self%points%s, xi => self%points%xi, weight => self%points%weight)
-         do q = 1, size(xi)
-            m = self%points%last(q) - first(q) + 1
-            b = self%space%on_element(e(q), s(q), 0)
-            d2b = self%space%on_element(e(q), s(q), 2)
-            self%weights(q, :) = weight(q)*[1.0_wp, v%mass(xi(q)), v%air(xi(q))]
-            call self%inertia%add_block(first(q), self%weights(q, with_mass), b(:m))
-            call self%bending%add_block(first(q), weight(q)*v%bending(xi(q)), d2b(:m))
+      allocate (self%weights(size(self%points), 3))
+      do q = 1, size(self%points)
+         associate (v => self%variations, point => self%points(q))
+            m = point%last - point%first + 1
+            b = self%space%on_element(point%element, point%s, 0)
+            d2b = self%space%on_element(point%element, point%s, 2)
+            self%weights(q, :) = point%weight*[1.0_wp, v%mass(point%xi), v%air(point%xi)]
+            call self%inertia%add_block(point%first, self%weights(q, with_mass), b(:m))
+            call self%bending%add_block(point%first, point%weight*v%bending(point%xi), d2b(:m))
             if (.not. self%varies) cycle
-            call self%air%add_block(first(q), self%weights(q, with_air), b(:m))
-            call self%viscous%add_block(first(q), weight(q)*v%viscous(xi(q)), d2b(:m))
-         end do
-      end associate
+            call self%air%add_block(point%first, self%weights(q, with_air), b(:m))
+            call self%viscous%add_block(point%first, point%weight*v%viscous(point%xi), d2b(:m))
+         end associate
+      end do
    end function new_galerkin
 
    !> Returns the points of a quadrature rule on every element; elements are split at the breaks.
@@ -165,31 +164,29 @@ contains
       type(spline_space_t), intent(in) :: space
       type(rule_t), intent(in) :: rule
       real(wp), intent(in) :: breaks(:)
-      type(points_t) :: points
-      real(wp), dimension((space%elements + size(breaks))*size(rule%points)) :: s, weight
-      integer :: element(size(s)), e, k, n
+      type(point_t), allocatable :: points(:)
+      type(point_t) :: found((space%elements + size(breaks))*size(rule%points))
       real(wp), allocatable :: ends(:)
+      integer :: e, k, n, q
 
       n = 0
       do e = 0, space%elements - 1
-         associate (h => space%ends(e + 1) - space%ends(e), m => size(rule%points))
-            ends = (breaks*space%length - space%ends(e))/h
+         associate (left => space%ends(e), h => space%ends(e + 1) - space%ends(e))
+            ends = (breaks*space%length - left)/h
             ends = [0.0_wp, pack(ends, ends > 1e-9_wp .and. ends < 1 - 1e-9_wp), 1.0_wp]
             do k = 1, size(ends) - 1
-               element(n + 1:n + m) = e
-               s(n + 1:n + m) = ends(k) + (ends(k + 1) - ends(k))*rule%points
-               weight(n + 1:n + m) = (ends(k + 1) - ends(k))*h*rule%weights
-               n = n + m
+               do q = 1, size(rule%points)
+                  n = n + 1
+                  associate (s => ends(k) + (ends(k + 1) - ends(k))*rule%points(q))
+                     found(n) = point_t(element=e, first=space%first_on_element(e), &
+                        last=space%last_on_element(e), s=s, xi=(left + s*h)/space%length, &
+                        weight=(ends(k + 1) - ends(k))*h*rule%weights(q))
+                  end associate
+               end do
             end do
          end associate
       end do
-      points%element = element(:n)
-      points%first = [(space%first_on_element(element(k)), k=1, n)]
-      points%last = [(space%last_on_element(element(k)), k=1, n)]
-      points%s = s(:n)
-      points%weight = weight(:n)
-      points%xi = (space%ends(points%element) + points%s*(space%ends(points%element + 1) &
-         - space%ends(points%element)))/space%length
+      points = found(:n)
    end function new_points
 
    !> Returns <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
@@ -202,14 +199,14 @@ contains
       real(wp), intent(in) :: power
       integer, intent(in) :: factor
       real(wp) :: values(self%space%n)
-      real(wp) :: b(self%mesh%degree + 1), load(size(self%points%xi))
+      real(wp) :: b(self%mesh%degree + 1), load(size(self%points))
       integer :: q
 
       values = 0
       load = self%weights(:, factor)*self%points%xi**power
       do q = 1, size(load)
-         associate (first => self%points%first(q), last => self%points%last(q))
-            b = self%space%on_element(self%points%element(q), self%points%s(q), 0)
+         associate (first => self%points(q)%first, last => self%points(q)%last)
+            b = self%space%on_element(self%points(q)%element, self%points(q)%s, 0)
             values(first:last) = values(first:last) + load(q)*b(:last - first + 1)
          end associate
       end do
@@ -309,13 +306,13 @@ contains
             self%bent = new_points(self%space, composite(mesh%degree - 1, 1), [real(wp) ::])
          end if
       end associate
-      allocate (self%curvature(self%mesh%degree + 1, size(self%bent%xi)), &
-         self%known(size(self%bent%xi), 2))
-      do q = 1, size(self%bent%xi)
-         self%curvature(:, q) = sqrt(self%bent%weight(q)) &
-            *self%space%on_element(self%bent%element(q), self%bent%s(q), 2)
-         self%known(q, :) = [self%variations%bending(self%bent%xi(q)), &
-            self%variations%viscous(self%bent%xi(q))]
+      allocate (self%curvature(self%mesh%degree + 1, size(self%bent)), &
+         self%known(size(self%bent), 2))
+      do q = 1, size(self%bent)
+         self%curvature(:, q) = sqrt(self%bent(q)%weight) &
+            *self%space%on_element(self%bent(q)%element, self%bent(q)%s, 2)
+         self%known(q, :) = [self%variations%bending(self%bent(q)%xi), &
+            self%variations%viscous(self%bent(q)%xi)]
       end do
    end subroutine tabulate_curvature
 
@@ -330,7 +327,7 @@ contains
 
       band = new_band(self%space%n, self%mesh%degree)
       do q = 1, size(factor)
-         associate (first => self%bent%first(q), last => self%bent%last(q))
+         associate (first => self%bent(q)%first, last => self%bent(q)%last)
             call band%add_block(first, factor(q), self%curvature(:last - first + 1, q))
          end associate
       end do
@@ -342,11 +339,11 @@ contains
    pure function curvatures(self, w) result(values)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: w(:)
-      real(wp) :: values(size(self%bent%xi))
+      real(wp) :: values(size(self%bent))
       integer :: q
 
       do q = 1, size(values)
-         associate (first => self%bent%first(q), last => self%bent%last(q))
+         associate (first => self%bent(q)%first, last => self%bent(q)%last)
             values(q) = dot_product(self%curvature(:last - first + 1, q), w(first:last))
          end associate
       end do
@@ -368,7 +365,7 @@ contains
       integer :: m, q
 
       do q = 1, size(k)
-         associate (first => self%bent%first(q), last => self%bent%last(q))
+         associate (first => self%bent(q)%first, last => self%bent(q)%last)
             m = last - first + 1
             moment = k(q)*dot_product(self%curvature(:m, q), w(first:last)) &
                + c(q)*dot_product(self%curvature(:m, q), v(first:last))

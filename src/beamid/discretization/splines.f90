@@ -19,6 +19,14 @@ module beamid_splines
    implicit none
    private
 
+   !> Which functions are nonzero on one element.
+   type :: span_t
+      integer :: left = 0                  !< index of the last knot at the left end
+      integer :: before = 0                !< number of B-splines whose support ends before
+      integer :: first = 0, last = 0       !< first and last basis function
+      logical :: is_plain = .false.        !< whether the basis functions are B-splines
+   end type span_t
+
    public :: spline_space_t, new_spline_space, same_space
 
    !> The conditions of a beam with a clamped root and a free tip.
@@ -42,18 +50,11 @@ module beamid_splines
       real(wp), allocatable :: ends(:)         !< (0:elements) ends of the elements [length]
       real(wp), private :: scale = 1           !< mesh intervals per unit of x, N/l [1/length]
       real(wp), allocatable, private :: knots(:)      !< knots x N/l, ascending, 0 at the root
-      !> (0:elements - 1) index of the last knot at the left end of an element
-      integer, allocatable, private :: left(:)
-      !> (0:elements - 1) number of B-splines whose support ends before an element
-      integer, allocatable, private :: before(:)
+      type(span_t), allocatable, private :: span(:)   !< (0:elements - 1)
       !> (n) first B-spline of each basis function, and (widest, n) the coefficients of this and the
       !> following B-splines
       integer, allocatable, private :: start(:)
       real(wp), allocatable, private :: weight(:, :)
-      !> (0:elements - 1) first and last basis function that is nonzero on an element
-      integer, allocatable, private :: first(:), last(:)
-      !> (0:elements - 1) whether the basis functions of an element are B-splines
-      logical, allocatable, private :: is_plain(:)
    contains
       procedure :: first_on_element, last_on_element, on_element, element_of, at
    end type spline_space_t
@@ -92,16 +93,15 @@ contains
       call mesh_knots(elements, nodes, times, breaks, multiplicity, near)
       space%elements = size(nodes) - 1
       space%n = space%elements + sum(times - 1) + degree
-      allocate (space%ends(0:space%elements), space%left(0:space%elements - 1), &
-         space%before(0:space%elements - 1))
+      allocate (space%ends(0:space%elements), space%span(0:space%elements - 1))
       space%ends = nodes/elements*length
       space%ends(space%elements) = length
       ! The knots continue uniformly beyond the root and the tip.
       space%knots = [(real(i, wp), i=-degree, -1)]
       do e = 0, space%elements - 1
          space%knots = [space%knots, spread(nodes(e + 1), 1, times(e + 1))]
-         space%left(e) = size(space%knots)
-         space%before(e) = space%left(e) - (degree + 1)
+         space%span(e)%left = size(space%knots)
+         space%span(e)%before = size(space%knots) - (degree + 1)
       end do
       space%knots = [space%knots, [(real(elements + i, wp), i=0, degree)]]
 
@@ -163,7 +163,7 @@ contains
          splines(merge(space%degree + 1, 1, end == 1)) = 0
          do i = 1, size(space%start)
             do k = 1, widest
-               c = space%start(i) + k - 1 - space%before(element)
+               c = space%start(i) + k - 1 - space%span(element)%before
                if (c < 1 .or. c > space%degree + 1) cycle
                values(d, i) = values(d, i) + space%weight(k, i)*splines(c)
             end do
@@ -240,15 +240,15 @@ contains
 
       finish = [(space%start(i) - 1 + findloc(abs(space%weight(:, i)) > 0, .true., dim=1, &
          back=.true.), i=1, space%n)]
-      allocate (space%first(0:space%elements - 1), space%last(0:space%elements - 1), &
-         space%is_plain(0:space%elements - 1))
       do e = 0, space%elements - 1
-         space%first(e) = findloc(finish > space%before(e), .true., dim=1)
-         space%last(e) = findloc(space%start <= space%before(e) + space%degree + 1, .true., dim=1, &
-            back=.true.)
-         associate (i => space%first(e), j => space%last(e))
-            space%is_plain(e) = j - i == space%degree .and. all(finish(i:j) == space%start(i:j)) &
-               .and. all(abs(space%weight(1, i:j) - 1) <= 0)
+         associate (span => space%span(e))
+            span%first = findloc(finish > span%before, .true., dim=1)
+            span%last = findloc(space%start <= span%before + space%degree + 1, .true., dim=1, &
+               back=.true.)
+            associate (i => span%first, j => span%last)
+               span%is_plain = j - i == space%degree .and. all(finish(i:j) == space%start(i:j)) &
+                  .and. all(abs(space%weight(1, i:j) - 1) <= 0)
+            end associate
          end associate
       end do
    end subroutine find_nonzero_functions
@@ -260,7 +260,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      first_on_element = self%first(element)
+      first_on_element = self%span(element)%first
    end function first_on_element
 
    !> Returns the index of the last basis function that is nonzero on an element.
@@ -268,7 +268,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      last_on_element = self%last(element)
+      last_on_element = self%span(element)%last
    end function last_on_element
 
    !> Returns the element that contains a position.
@@ -303,7 +303,7 @@ contains
       real(wp) :: values(self%degree + 1)
 
       values = plain(self, element, s, derivative)
-      if (.not. self%is_plain(element)) values = combined(self, element, values)
+      if (.not. self%span(element)%is_plain) values = combined(self, element, values)
    end function on_element
 
    !> Returns the values of the basis functions on an element, (degree + 1), as `on_element` does,
@@ -316,12 +316,12 @@ contains
       integer :: c, i, k
 
       values = 0
-      associate (before => self%before(element), first => self%first(element))
-         do i = first, self%last(element)
+      associate (span => self%span(element))
+         do i = span%first, span%last
             do k = 1, widest
-               c = self%start(i) + k - 1 - before
-               if (c >= 1 .and. c <= self%degree + 1) values(i - first + 1) = &
-                  values(i - first + 1) + self%weight(k, i)*splines(c)
+               c = self%start(i) + k - 1 - span%before
+               if (c >= 1 .and. c <= self%degree + 1) values(i - span%first + 1) = &
+                  values(i - span%first + 1) + self%weight(k, i)*splines(c)
             end do
          end do
       end associate
@@ -346,8 +346,8 @@ contains
       if (derivative < 2) return
       k = element + merge(0, 1, x - self%ends(element) < self%ends(element + 1) - x)
       if (k < 1 .or. k >= self%elements) return
-      if (abs(x - self%ends(k)) > 1e-9_wp*self%length .or. self%left(k) - self%left(k - 1) < 2) &
-         return
+      if (abs(x - self%ends(k)) > 1e-9_wp*self%length) return
+      if (self%span(k)%left - self%span(k - 1)%left < 2) return
       values = (beside(self, k - 1, x, derivative) + beside(self, k, x, derivative))/2
    end function at
 
@@ -359,7 +359,7 @@ contains
       real(wp) :: values(self%n), local(self%degree + 1)
 
       associate (left => self%ends(element), right => self%ends(element + 1), &
-         first => self%first(element), last => self%last(element))
+         first => self%span(element)%first, last => self%span(element)%last)
          local = self%on_element(element, (x - left)/(right - left), derivative)
          values = 0
          values(first:last) = local(:last - first + 1)
@@ -374,7 +374,7 @@ contains
       real(wp), intent(in) :: s
       real(wp) :: values(self%degree + 1)
 
-      associate (m => self%left(element), p => self%degree)
+      associate (m => self%span(element)%left, p => self%degree)
          values = b_splines(self%knots(m - p + 1:m + p) - self%knots(m), &
             s*(self%knots(m + 1) - self%knots(m)), derivative)
          values = values*self%scale**derivative

@@ -105,7 +105,7 @@ contains
       self%factor = galerkin%known
       if (structure%has_fields()) then
          do k = 1, size(self%factor, 1)
-            self%factor(k, :) = self%factor(k, :)*structure%factors(galerkin%bent%xi(k))
+            self%factor(k, :) = self%factor(k, :)*structure%factors(galerkin%bent(k)%xi)
          end do
       end if
       self%point = points_of(galerkin%space, structure, self%spline, self%hose, n, &

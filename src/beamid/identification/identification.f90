@@ -188,8 +188,8 @@ contains
       if (allocated(error) .or. interrupted()) return
       if (size(found%free) /= size(fit%free) .or. .not. misfit_of(fresh, found%fit) < &
          (1 - clearly)*misfit_of(problem, fit%fit)) return
-      fit = found
-      problem = fresh
+      call found%copy_to(fit)
+      call fresh%copy_to(problem)
    end subroutine try_automatic_start
 
    !> Tells whether a search has failed, or its residuals hold more than half of the variance of the
@@ -302,7 +302,7 @@ contains
       call move_alloc(from%jacobian, jacobian)
       call move_alloc(from%residual, residual)
       call move_alloc(from%fit%residual, weighted)
-      to = from
+      call from%copy_to(to)
       call move_alloc(jacobian, to%jacobian)
       call move_alloc(residual, to%residual)
       call move_alloc(weighted, to%fit%residual)

@@ -146,7 +146,7 @@ contains
 
       do k = 1, size(starts, 2)
          start = starts(:, k)
-         part = problem
+         call problem%copy_to(part)
          if (present(grows)) call fit_growing_parts(part, start, options, monitor, label, names)
          call fit_with_strengths(part, start, options, found, error, monitor, label, names, &
             settled=0.5_wp)

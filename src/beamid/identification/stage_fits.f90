@@ -68,6 +68,7 @@ module beamid_stage_fits
       procedure :: correlation
       procedure :: again
       procedure :: restore
+      procedure :: copy_to
       procedure :: from_held
       procedure :: half_width
       procedure :: is_widened
@@ -97,6 +98,15 @@ contains
       if (self%quantities(j)%is_reciprocal() .neqv. self%quantities(k)%is_reciprocal()) &
          correlation = -correlation
    end function correlation
+
+   !> Copies the fit. gfortran writes an assignment of so large a type out in place, so that copies
+   !> are made here.
+   subroutine copy_to(self, copy)
+      class(stage_fit_t), intent(in) :: self
+      type(stage_fit_t), intent(inout) :: copy
+
+      copy = self
+   end subroutine copy_to
 
    !> Returns a stage that continues from the estimates.
    pure type(stage_t) function again(self)

@@ -136,7 +136,7 @@ contains
          call fit(exact, size(found%residual), start, options_t(check=.false.), better, error)
          if (.not. allocated(error)) return
       end if
-      finer = problem
+      call problem%copy_to(finer)
       do i = 1, size(finer%parts)
          select type (solver => finer%parts(i)%solver)
          type is (cvode_t)

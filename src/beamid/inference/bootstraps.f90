@@ -138,7 +138,7 @@ contains
          type(residual_t) :: mine
          type(fit_t) :: fitted
 
-         mine = problem
+         call problem%copy_to(mine)
          call resample(mine, found, fitted_records, bootstrap, plan%seed + 7919*number)
          call fit(mine, mine%rows(), variables, options, fitted, failed)
          if (.not. allocated(failed)) estimates(:, number) = fitted%estimate

@@ -131,7 +131,7 @@ contains
          integer, intent(in) :: k, side
          type(residual_t) :: mine
 
-         mine = problem
+         call problem%copy_to(mine)
          call follow_profile(mine, mine%rows(), variables, found%fit%estimate, &
             sum(found%fit%residual**2), k, 2*side - 3, rise(k), first_step(k), sides(side, k), &
             monitor)
@@ -354,7 +354,8 @@ contains
          real(wp) :: r(problem%rows())
          integer :: i, k
 
-         allocate (mine, source=problem)
+         allocate (mine)
+         call problem%copy_to(mine)
          do k = first, last
             call mine%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)
             computed(k) = .not. allocated(error)

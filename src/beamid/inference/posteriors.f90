@@ -55,7 +55,7 @@ contains
       integer :: first, i, last, records
 
       records = size(problem%parts)
-      posterior%problem = problem
+      call problem%copy_to(posterior%problem)
       posterior%variables = variables
       posterior%first = problem%first_rows()
       posterior%last = [posterior%first(2:) - 1, problem%samples()]

@@ -127,7 +127,7 @@ contains
             candidate%experiments, fits, error, monitor)
       end if
       if (allocated(error)) return
-      candidate%fit = fits(size(fits, 1), 1)
+      call fits(size(fits, 1), 1)%copy_to(candidate%fit)
       candidate%owner = spread([(held, k=1, size(parameters))], 2, size(candidate%experiments))
       do j = 1, size(fits, 1)
          do k = 1, size(fits(j, 1)%free)

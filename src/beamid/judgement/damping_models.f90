@@ -43,9 +43,9 @@ module beamid_damping_models
       type(fitted_mode_t), allocatable :: modes(:)
    end type mode_list_t
 
-   !> The fit of one combination, or the error.
+   !> The fit of one combination, or the error. With `class`, code that frees it is not written out.
    type :: trial_t
-      type(candidate_t), allocatable :: model
+      class(candidate_t), allocatable :: model
       type(error_t), allocatable :: error
    end type trial_t
 
@@ -134,8 +134,7 @@ contains
 
       if (.not. is_exact(reference%model%solver)) then
          call bad_input(error, 'found method=''cvode'' in &integrator, expected '// &
-            'method=''modal'', '// &
-            'because damping ratios are compared')
+            'method=''modal'', because damping ratios are compared')
          return
       end if
       associate (last => reference%stages(size(reference%stages)))
@@ -190,10 +189,10 @@ contains
       type(combination_t), intent(in) :: combination
       type(experiment_t), intent(in) :: tables(:)
       logical, intent(in) :: by_ratios
-      type(candidate_t), allocatable, intent(out) :: model
+      class(candidate_t), allocatable, intent(out) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: starts(:, :)
-      type(candidate_t), allocatable :: whole
+      class(candidate_t), allocatable :: whole
       type(candidate_t) :: ready
       integer :: k, range
 
@@ -222,7 +221,7 @@ contains
       type(candidate_t), intent(in) :: model
       integer, intent(in) :: range
       real(wp), intent(in) :: start(:)
-      type(candidate_t), allocatable, intent(inout) :: best
+      class(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
 
       call try(model, start, best, error)
@@ -237,9 +236,9 @@ contains
    subroutine try(model, start, best, error)
       type(candidate_t), intent(in) :: model
       real(wp), intent(in) :: start(:)
-      type(candidate_t), allocatable, intent(inout) :: best
+      class(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
-      type(candidate_t), allocatable :: trial
+      class(candidate_t), allocatable :: trial
 
       call copy(model, trial)
       trial%stages(1)%start = start
@@ -257,9 +256,9 @@ contains
       type(candidate_t), intent(in) :: model
       integer, intent(in) :: range
       real(wp), intent(in) :: start(:)
-      type(candidate_t), allocatable, intent(inout) :: best
+      class(candidate_t), allocatable, intent(inout) :: best
       type(error_t), allocatable, intent(out) :: error
-      type(candidate_t), allocatable :: trial
+      class(candidate_t), allocatable :: trial
       logical :: is_range(size(start))
 
       call copy(model, trial)
@@ -274,7 +273,7 @@ contains
    !> Copies a model, and its fit if there is one.
    subroutine copy(model, to)
       type(candidate_t), intent(in) :: model
-      type(candidate_t), allocatable, intent(out) :: to
+      class(candidate_t), allocatable, intent(out) :: to
 
       allocate (to, source=model)
    end subroutine copy
@@ -363,7 +362,7 @@ contains
       type(candidate_t), intent(inout) :: whole
       integer, intent(in) :: range
       type(experiment_t), intent(in) :: tables(:)
-      type(candidate_t), allocatable, intent(inout) :: model
+      class(candidate_t), allocatable, intent(inout) :: model
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: no_weight = 1e12_wp
       type(stage_t) :: stage

@@ -187,7 +187,7 @@ contains
          real(wp), intent(out) :: misfit
          type(error_t), allocatable, intent(out) :: error
 
-         trial = problem
+         call problem%copy_to(trial)
          if (range > 0) call trial%scenario%set(range, 0, grid(k))
          call guess_strengths(trial, combination, misfit, error)
       end subroutine guess

@@ -16,7 +16,7 @@ module beamid_field_bands
    use beamid_statistics, only: unlimited
    use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
       structure_t
-   use beamid_variations, only: constant, field_modulus, field_t
+   use beamid_variations, only: constant, field_modulus, field_t, known_c_D, known_E
    implicit none
    private
 
@@ -52,9 +52,9 @@ contains
 
       associate (v => structure%variations)
          if (a == field_modulus) then
-            varies = v%E%kind /= constant .or. structure%has_dip()
+            varies = v%known(known_E)%kind /= constant .or. structure%has_dip()
          else
-            varies = v%c_D%kind /= constant
+            varies = v%known(known_c_D)%kind /= constant
          end if
          varies = varies .or. allocated(v%along(a)%value)
       end associate
@@ -120,9 +120,9 @@ contains
 
       factors = structure%factors(xi)
       if (a == field_modulus) then
-         value_at = structure%E*structure%variations%E%at(xi)*factors(1)
+         value_at = structure%E*structure%variations%known(known_E)%at(xi)*factors(1)
       else
-         value_at = structure%c_D*structure%variations%c_D%at(xi)*factors(2)
+         value_at = structure%c_D*structure%variations%known(known_c_D)%at(xi)*factors(2)
       end if
    end function value_at
 

@@ -165,7 +165,7 @@ contains
       if (n == 0 .or. n > size(fitted)) return
       if (any(fitted(:n)%together)) return
       allocate (decay)
-      decay%problem = problem
+      call problem%copy_to(decay%problem)
       decay%mode = [(k, k=1, n)]
       decay%s = fitted(:n)%s
       call move_alloc(decay, roots)
@@ -203,7 +203,7 @@ contains
       end do
       if (.not. any(seen)) return
       allocate (fit)
-      fit%problem = problem
+      call problem%copy_to(fit%problem)
       fit%unknowns = 4
       fit%mode = pack([(k, k=1, size(s))], seen)
       fit%s = pack(s, seen)

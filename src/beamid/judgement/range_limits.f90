@@ -107,7 +107,7 @@ contains
 
       shift = 0
       is_possible = .false.
-      problem = prepared
+      call prepared%copy_to(problem)
       r = found%quantities(k)%record
       call find_limit(problem, limit, max(1, r), at, error)
       if (allocated(error)) return

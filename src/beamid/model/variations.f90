@@ -23,13 +23,19 @@ module beamid_variations
    !> order.
    integer, parameter :: field_modulus = 1, field_viscosity = 2
 
+   !> The quantities that may have a known factor, and their names. Arrays with an entry for each of
+   !> them use this order.
+   integer, parameter, public :: known_E = 1, known_c_D = 2, known_rho = 3, known_gamma = 4, &
+      known_width = 5, known_height = 6
+   character(len=*), parameter, public :: known_names(6) = [character(len=6) :: 'E', 'c_D', 'rho', &
+      'gamma', 'width', 'height']
+
    !> A known factor of a property, a function of xi = x/l.
    type :: variation_t
-      integer :: kind = constant           !< interpolation, `constant` .. `as_spline`
-      real(wp), allocatable :: xi(:)       !< (n) positions x/l, ascending from 0
-      real(wp), allocatable :: factor(:)   !< (n) values of the factor at the positions
-      !> (n) second derivatives of the spline at the positions
-      real(wp), allocatable, private :: second_derivative(:)
+      integer :: kind = constant   !< interpolation, `constant` .. `as_spline`
+      !> (n, 3) positions x/l, ascending from 0; values of the factor at the positions; second
+      !> derivatives of the spline. One array, because every structure contains six variations.
+      real(wp), allocatable :: table(:, :)
    contains
       procedure :: at
    end type variation_t
@@ -48,9 +54,8 @@ module beamid_variations
 
    !> All variation along the beam, known and estimated.
    type :: variations_t
-      !> known factors of these quantities
-      type(variation_t) :: E = variation_t(), c_D = variation_t(), rho = variation_t(), &
-         gamma = variation_t(), width = variation_t(), height = variation_t()
+      !> known factors, (`known_E` .. `known_height`)
+      type(variation_t) :: known(6) = variation_t()
       logical :: by_density = .false.        !< the mass per length varies with width and height
       type(field_t) :: along(2) = field_t()  !< estimated fields: E(x), c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or may have one in a fit
@@ -81,20 +86,17 @@ contains
       real(wp), allocatable :: h(:), slope(:), diagonal(:), off_diagonal(:), b(:, :)
       integer :: info, n
 
-      self%kind = kind
-      self%xi = xi
-      self%factor = factor
       n = size(xi)
-      if (kind /= as_spline) return
-      allocate (self%second_derivative(n), source=0.0_wp)
-      if (n < 3) return
+      self%kind = kind
+      self%table = reshape([xi, factor, spread(0.0_wp, 1, n)], [n, 3])
+      if (kind /= as_spline .or. n < 3) return
       h = xi(2:) - xi(:n - 1)
       slope = (factor(2:) - factor(:n - 1))/h
       diagonal = 2*(h(:n - 2) + h(2:))
       off_diagonal = [h(2:n - 2), 0.0_wp]
       b = reshape(6*(slope(2:) - slope(:n - 2)), [n - 2, 1])
       call dptsv(n - 2, 1, diagonal, off_diagonal, b, n - 2, info)
-      self%second_derivative(2:n - 1) = b(:, 1)
+      self%table(2:n - 1, 3) = b(:, 1)
    end function new_variation
 
    !> Returns the factor at one position.
@@ -108,20 +110,21 @@ contains
 
       factor = 1
       if (self%kind == constant) return
-      n = size(self%xi)
-      k = max(1, count(self%xi <= xi))
-      if (self%kind == in_steps) then
-         factor = self%factor(k)
-         return
-      end if
-      k = min(k, n - 1)
-      h = self%xi(k + 1) - self%xi(k)
-      b = (xi - self%xi(k))/h
-      a = 1 - b
-      factor = a*self%factor(k) + b*self%factor(k + 1)
-      if (self%kind == as_spline) factor = factor &
-         + ((a**3 - a)*self%second_derivative(k) &
-         + (b**3 - b)*self%second_derivative(k + 1))*h**2/6
+      associate (places => self%table(:, 1), values => self%table(:, 2), second => self%table(:, 3))
+         n = size(places)
+         k = max(1, count(places <= xi))
+         if (self%kind == in_steps) then
+            factor = values(k)
+            return
+         end if
+         k = min(k, n - 1)
+         h = places(k + 1) - places(k)
+         b = (xi - places(k))/h
+         a = 1 - b
+         factor = a*values(k) + b*values(k + 1)
+         if (self%kind == as_spline) factor = factor &
+            + ((a**3 - a)*second(k) + (b**3 - b)*second(k + 1))*h**2/6
+      end associate
    end function at
 
    !> Returns the values of the B-splines at one position: the weights of the coefficients.
@@ -159,7 +162,7 @@ contains
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
 
-      bending = self%E%at(xi)*self%width%at(xi)*self%height%at(xi)**3
+      bending = self%known(known_E)%at(xi)*second_moment(self, xi)
    end function bending
 
    !> Returns the known factor of the bending viscosity c_D I at xi = x/l.
@@ -167,16 +170,25 @@ contains
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
 
-      viscous = self%c_D%at(xi)*self%width%at(xi)*self%height%at(xi)**3
+      viscous = self%known(known_c_D)%at(xi)*second_moment(self, xi)
    end function viscous
+
+   !> Returns the known factor of the second moment of area at xi = x/l.
+   pure real(wp) function second_moment(self, xi)
+      class(variations_t), intent(in) :: self
+      real(wp), intent(in) :: xi
+
+      second_moment = self%known(known_width)%at(xi)*self%known(known_height)%at(xi)**3
+   end function second_moment
 
    !> Returns the known factor of the mass per length at xi = x/l.
    pure real(wp) function mass(self, xi)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
 
-      mass = self%rho%at(xi)
-      if (self%by_density) mass = mass*self%width%at(xi)*self%height%at(xi)
+      mass = self%known(known_rho)%at(xi)
+      if (self%by_density) mass = mass*self%known(known_width)%at(xi) &
+         *self%known(known_height)%at(xi)
    end function mass
 
    !> Returns the integral of `mass` from xi = x/l to the tip: the mass of the beam beyond this
@@ -209,15 +221,14 @@ contains
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
 
-      air = self%gamma%at(xi)
+      air = self%known(known_gamma)%at(xi)
    end function air
 
    !> Returns whether any property has known variation.
    pure logical function are_known(self)
       class(variations_t), intent(in) :: self
 
-      are_known = any([self%E%kind, self%c_D%kind, self%rho%kind, self%gamma%kind, &
-         self%width%kind, self%height%kind] /= constant)
+      are_known = any(self%known%kind /= constant)
    end function are_known
 
    !> Computes the positions at which integrals must be split, and the number of knots that the
@@ -236,15 +247,14 @@ contains
       integer, intent(in) :: degree
       real(wp), allocatable, intent(out) :: xi(:)
       integer, allocatable, intent(out) :: knots(:)
+      !> Order of the derivative of w that each quantity determines: bending or mass.
+      integer, parameter :: order(6) = [2, 2, 4, 4, 2, 2]
       integer :: a
 
       allocate (xi(0), knots(0))
-      call add_variation(self%E, 2, degree, xi, knots)
-      call add_variation(self%c_D, 2, degree, xi, knots)
-      call add_variation(self%width, 2, degree, xi, knots)
-      call add_variation(self%height, 2, degree, xi, knots)
-      call add_variation(self%rho, 4, degree, xi, knots)
-      call add_variation(self%gamma, 4, degree, xi, knots)
+      do a = 1, size(self%known)
+         call add_variation(self%known(a), order(a), degree, xi, knots)
+      end do
       do a = 1, size(self%along)
          call add_field(self%along(a), degree, xi, knots)
       end do
@@ -263,8 +273,8 @@ contains
       integer :: k
 
       if (variation%kind == constant) return
-      do k = 2, size(variation%xi)
-         call add_break(variation%xi(k), degree - order - smooth(variation%kind), xi, knots)
+      do k = 2, size(variation%table, 1)
+         call add_break(variation%table(k, 1), degree - order - smooth(variation%kind), xi, knots)
       end do
    end subroutine add_variation
 

@@ -69,7 +69,7 @@ contains
             deallocate (fits)
             return
          end if
-         fits(k) = found(1)
+         call found(1)%copy_to(fits(k))
          moving%structure = found(1)%scenario%structures(1)
          moving%excitation = found(1)%scenario%excitations(1)
       end do

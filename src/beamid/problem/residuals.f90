@@ -45,6 +45,7 @@ module beamid_residuals
       procedure :: evaluate
       procedure :: squares
       procedure :: beginning
+      procedure :: copy_to
       procedure :: check_sample
       procedure, private :: has_long_record
    end type residual_t
@@ -93,6 +94,15 @@ contains
       call problem%guess_noise()
    end subroutine new_residuals
 
+   !> Copies the problem with its data. gfortran writes an assignment of so large a type out in
+   !> place, with ten thousand bytes, so that all copies are made here.
+   subroutine copy_to(self, copy)
+      class(residual_t), intent(in) :: self
+      type(residual_t), intent(inout) :: copy
+
+      copy = self
+   end subroutine copy_to
+
    !> Returns the fit of the first part of each time record, and of all other data.
    !>
    !> share  length of the part, as a share of the time from the first sample to the last
@@ -102,7 +112,7 @@ contains
       type(residual_t) :: part
       integer :: i
 
-      part = self
+      call self%copy_to(part)
       do i = 1, size(part%parts)
          call part%parts(i)%observed%keep_beginning(share)
       end do

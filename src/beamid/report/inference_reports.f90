@@ -193,7 +193,7 @@ contains
 
          if (modes%is_empty()) call modes%line( &
             'draw,elements,record,mode,frequency_hz,damping_ratio')
-         moved = fit
+         call fit%copy_to(moved)
          moved%statistics = statistics_t()
          call new_mode_finder(mesh, fit, finder, error)
          if (allocated(error)) return

@@ -139,7 +139,7 @@ contains
       integer :: k, side
 
       allocate (minima(size(estimate), 0))
-      rest = problem
+      call problem%copy_to(rest)
       is_other = [(k /= varied, k=1, size(estimate))]
       call set_free(rest, stage%without(.not. is_other))
       associate (b => beliefs(varied))

@@ -130,7 +130,7 @@ contains
       complex(wp), allocatable :: s(:), ds(:, :)
       integer :: modes, r
 
-      trial = problem
+      call problem%copy_to(trial)
       modes = min(most_modes, problem%parts(1)%galerkin%space%n - 2)
       if (modes < 1) return
       allocate (s(modes), ds(modes, size(variables)))
@@ -163,7 +163,7 @@ contains
       real(wp) :: limit, distance
 
       cost = huge(cost)
-      matching%problem = problem
+      call problem%copy_to(matching%problem)
       matching%beliefs = beliefs_about(problem%scenario, problem%free, problem%record, &
          [variables%start], problem%priors)
       do k = 1, size(variables)

@@ -43,12 +43,12 @@ contains
 
       call place_starts(problem, stage, error)
       if (allocated(error)) return
-      from_case = problem
+      call problem%copy_to(from_case)
       call fit_to_modes(problem, stage, options, error)
       if (allocated(error)) return
       is_in_time = [(problem%parts(r)%observed%kind() == 'time', r=1, size(problem%parts))]
       if (any(is_in_time)) then
-         reduced = problem
+         call problem%copy_to(reduced)
          do r = 1, size(problem%parts)
             if (is_in_time(r)) call leave_out(reduced, r)
          end do
@@ -71,7 +71,7 @@ contains
 
       call place_starts(problem, stage, error)
       if (allocated(error)) return
-      reduced = problem
+      call problem%copy_to(reduced)
       do r = 1, size(problem%parts)
          call use_modes(reduced, r)
       end do
@@ -120,7 +120,7 @@ contains
       type(residual_t) :: from_peaks
       real(wp) :: J_case, J_peaks
 
-      from_peaks = problem
+      call problem%copy_to(from_peaks)
       call from_case%guess_noise()
       call from_peaks%guess_noise()
       call find_misfit(from_case, J_case)

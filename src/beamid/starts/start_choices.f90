@@ -101,9 +101,7 @@ contains
             choice%failures = choice%failures//origin//': '//reason%message//new_line('')
             cycle
          end if
-         trial%origin = origin
-         call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
-         choice%trials = [choice%trials, trial]
+         call add_trial(problem, choice, trial, origin, needed)
       end do
       if (size(choice%trials) == 0) call move_alloc(reason, error)
       call pick(choice)
@@ -129,12 +127,23 @@ contains
       do k = 1, size(values, 2)
          call try_start(problem, choice%stage, values(:, k), choice%modes, options, trial, error)
          if (allocated(error)) cycle
-         trial%origin = 'start with the same frequencies'
-         call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
-         choice%trials = [choice%trials, trial]
+         call add_trial(problem, choice, trial, 'start with the same frequencies', needed)
       end do
       call pick(choice)
    end subroutine try_equal_frequencies
+
+   !> Adds a trial, with its objections, to those of a choice.
+   subroutine add_trial(problem, choice, trial, origin, needed)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(inout) :: choice
+      type(trial_t), intent(inout) :: trial
+      character(len=*), intent(in) :: origin
+      integer, intent(in) :: needed
+
+      trial%origin = origin
+      call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
+      choice%trials = [choice%trials, trial]
+   end subroutine add_trial
 
    !> Describes where the k-th trial starts: the frequencies that it assigns to the modes, or the
    !> values of the case.
@@ -228,7 +237,7 @@ contains
 
       allocate (fewer%trials(0))
       if (needed == 1) return
-      smaller = problem
+      call problem%copy_to(smaller)
       smaller%scenario%excitations%modes = needed - 1
       call best_assignments(smaller, full%beliefs, lines, needed - 1, 1, found, error)
       if (.not. allocated(error)) call model_roots(smaller, smaller%scenario, 1, s, ds, error)

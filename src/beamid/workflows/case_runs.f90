@@ -136,7 +136,7 @@ contains
       if (allocated(error)) return
       found%is_fitted = can_be_fitted(case)
       if (.not. found%is_fitted) return
-      found%case = case
+      call case%copy_to(found%case)
       deallocate (found%case%model%solver)
       allocate (modal_t :: found%case%model%solver)
       call load_case(found%case, found%fit, found%fit_error)

@@ -71,7 +71,7 @@ contains
       real(wp) :: remaining
       integer :: i
 
-      maker%case = case
+      call case%copy_to(maker%case)
       call sample_grids(maker%case, error)
       if (allocated(error)) return
       if (.not. needs_records(case)) then

@@ -102,7 +102,7 @@ contains
 
       if (size(case%stages) == 0) return
       has_file = [(allocated(case%recordings(k)%path), k=1, size(has_file))]
-      found%fitted = case
+      call case%copy_to(found%fitted)
       found%fitted%recordings = pack(case%recordings, has_file)
       found%is_fitted = can_be_fitted(found%fitted)
       if (found%is_fitted) call check_order(case, has_file, error)
