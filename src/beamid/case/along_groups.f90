@@ -208,7 +208,7 @@ contains
       real(wp), intent(in) :: value
       type(structure_t), intent(inout) :: structure
       real(wp), allocatable :: xi(:)
-      integer :: n
+      integer :: k, n
       real(wp), parameter :: same = 1e-9_wp
 
       n = size(along%x)
@@ -227,8 +227,8 @@ contains
          to_text(value)//' of &beam, or that left out')
       if (block%failed()) return
       if (along%kind /= in_steps) xi(n) = 1
-      structure%variations%known(findloc(known_names, along%parameter, dim=1)) = &
-         new_variation(along%kind, xi, along%value/value)
+      k = findloc(known_names == along%parameter, .true., dim=1)
+      structure%variations%known(k) = new_variation(along%kind, xi, along%value/value)
    end subroutine settle_along
 
 end module beamid_along_groups
