@@ -315,12 +315,10 @@ contains
       with_slope = present(y)
       z_re = z(1)
       z_im = z(2)
-      y_re = 0
-      y_im = 0
-      if (with_slope) then
-         y_re = y(1)
-         y_im = y(2)
-      end if
+      y_now = 0
+      if (with_slope) y_now = cmplx(y(1), y(2), wp)
+      y_re = real(y_now)
+      y_im = aimag(y_now)
       growth = 1
       known = .false.
       do j = 1, size(steps)
