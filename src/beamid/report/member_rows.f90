@@ -13,7 +13,7 @@ module beamid_member_rows
    implicit none
    private
 
-   public :: add_member, read_members, read_row, rows_of, whole_number
+   public :: read_members, read_row, rows_of, whole_number
 
    !> Header of members.csv.
    character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &

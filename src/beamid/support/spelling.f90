@@ -4,7 +4,7 @@ module beamid_spelling
    implicit none
    private
 
-   public :: nearest, or_nearest
+   public :: or_nearest
 
 contains
 
