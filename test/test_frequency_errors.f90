@@ -188,6 +188,8 @@ contains
          answer%out)
       call write_file('r.csv', in_percent)
       call check_refused('percent', 2, 'identify', table_case, 'look like percent')
+      call check_refused('percent, time hysteresis', 2, 'identify', replaced(table_case, &
+         'c_D=1.7e6, gamma=0.05', 'd_1=0.01, b_1=300'), 'look like percent')
       call write_file('r.csv', left_out)
       answer = identified(replaced(table_case, '''gamma'' /', &
          '''gamma'',''m_S'' /'))

@@ -142,11 +142,9 @@ contains
                   exact = stepped_frequencies([x, 1.0_wp], [1.0_wp, E(j)], [1.0_wp, rho(j)], 3)
                   varied = variations_t()
                   if (abs(E(j) - 1) > 0) varied%known(known_E) = &
-                     new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
-                     [1.0_wp, E(j), E(j)])
+                     new_variation(in_steps, [0.0_wp, x, 1.0_wp], [1.0_wp, E(j), E(j)])
                   if (abs(rho(j) - 1) > 0) varied%known(known_rho) = &
-                     new_variation(in_steps, [0.0_wp, x, &
-                     1.0_wp], [1.0_wp, rho(j), rho(j)])
+                     new_variation(in_steps, [0.0_wp, x, 1.0_wp], [1.0_wp, rho(j), rho(j)])
                   off(:, i) = abs(frequencies(varied, mesh, 3)/exact - 1)
                   if (abs(E(j) - 1) > 0 .and. p == 1) plain(:, i) = abs(without_knots(varied, x, &
                      mesh)/exact - 1)
@@ -185,8 +183,7 @@ contains
 
       split%known(known_rho) = varied%known(known_rho)
       if (split%known(known_rho)%kind /= in_steps) split%known(known_rho) = &
-         new_variation(in_steps, [0.0_wp, x, 1.0_wp], &
-         [1.0_wp, 1.0_wp, 1.0_wp])
+         new_variation(in_steps, [0.0_wp, x, 1.0_wp], [1.0_wp, 1.0_wp, 1.0_wp])
       galerkin = new_galerkin(mesh, 1.0_wp, variations=split)
       do q = 1, size(galerkin%bent)
          galerkin%known(q, 1) = varied%known(known_E)%at(galerkin%bent(q)%xi)

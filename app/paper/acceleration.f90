@@ -50,7 +50,7 @@ module beamid_acceleration
       type(excitation_t) :: excitation             !< pulse of Table 4.1
       real(wp), allocatable :: samples(:)          !< (m) ascending sample times [time]
       real(wp) :: delta = 0                        !< time step of (4.1) and (4.2) [time]
-      type(setting_t), allocatable :: settings(:)  !< (2) with c_D, without
+      type(setting_t), allocatable :: settings(:)  !< (2) with c_D; without it
       !> undamped circular frequencies of the beam, on the finest mesh of the case [1/time]
       real(wp), allocatable :: beam(:)
       !> (0:modes, tolerances, settings) deviations from the exact motion; mode 0 is the tip itself

@@ -12,6 +12,7 @@ module beamid_damping_study
    use beamid_kinds, only: pi
    use beamid_least_squares, only: monitor_t
    use beamid_lines, only: add_lines, csv_row
+   use beamid_mechanisms, only: mechanisms
    use beamid_noise, only: gaussian_noise
    use beamid_outputs, only: output_t
    use beamid_parameters, only: set_free
@@ -169,20 +170,10 @@ contains
       character(len=:), allocatable :: name
 
       associate (parts => found%combinations(k)%parts)
-         name = initials(parts(1))
-         if (size(parts) > 1) name = name//'+'//initials(parts(2))
+         name = trim(mechanisms(parts(1))%short)
+         if (size(parts) > 1) name = name//'+'//trim(mechanisms(parts(2))%short)
       end associate
    end function short_name
-
-   !> Returns a short name of a mechanism.
-   pure function initials(mechanism) result(text)
-      integer, intent(in) :: mechanism
-      character(len=:), allocatable :: text
-      character(len=5), parameter :: short(5) = [character(len=5) :: 'air', 'KV', 'eta', 'time', &
-         'spat']
-
-      text = trim(short(mechanism))
-   end function initials
 
    !> Returns the differences of AICc from the best model as columns.
    pure function differences(criteria) result(line)

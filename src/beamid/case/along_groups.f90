@@ -55,7 +55,7 @@ contains
 
       kind = 'linear'
       call block%get('parameter', found%parameter, 'property that varies along the beam', &
-         [character(len=6) :: 'E', 'c_D', 'rho', 'gamma', 'width', 'height'], &
+         known_names, &
          default='required; ''E'' with kind=''dip''')
       call block%get('kind', kind, 'shape of the variation: ''linear'', straight lines; '// &
          '''spline'', a natural cubic spline; ''steps'', constant from each position to the '// &

@@ -126,8 +126,8 @@ module beamid_case_files
 
 contains
 
-   !> Copies the case. gfortran writes an assignment of so large a type out in place, so that copies
-   !> are made here.
+   !> Copies the case. gfortran expands each assignment of this type to about 8 kB of code; call
+   !> this procedure instead.
    subroutine copy_to(self, copy)
       class(case_t), intent(in) :: self
       type(case_t), intent(inout) :: copy

@@ -50,10 +50,12 @@ module beamid_galerkin
       !> because they then equal `inertia` and `bending`
       type(band_t) :: air, viscous
       real(wp), allocatable :: tip(:)     !< (n) values b_i(l)
-      type(point_t), allocatable :: bent(:)   !< (bending points) of the bending integrals
+      !> (bending points) quadrature points of the bending integrals
+      type(point_t), allocatable :: bent(:)
       !> (bending points, 2) known factors of stiffness and viscosity there
       real(wp), allocatable :: known(:, :)
-      type(point_t), allocatable, private :: points(:)   !< (points) of the other integrals
+      !> (points) quadrature points of the other integrals
+      type(point_t), allocatable, private :: points(:)
       !> (points, factors) their weights, without a factor and times those of mass and air damping
       real(wp), allocatable, private :: weights(:, :)
       !> (degree + 1, bending points) sqrt(weight) b'' of the functions on the point's element

@@ -19,15 +19,15 @@ module beamid_splines
    implicit none
    private
 
-   !> Which functions are nonzero on one element.
-   type :: span_t
-      integer :: left = 0                  !< index of the last knot at the left end
-      integer :: before = 0                !< number of B-splines whose support ends before
-      integer :: first = 0, last = 0       !< first and last basis function
-      logical :: is_plain = .false.        !< whether the basis functions are B-splines
-   end type span_t
-
    public :: spline_space_t, new_spline_space, same_space
+
+   !> The knot and the functions of one element.
+   type :: span_t
+      integer :: left = 0             !< index of the last knot at the left end of the element
+      integer :: before = 0           !< number of B-splines whose support ends before the element
+      integer :: first = 0, last = 0  !< first and last basis function that is nonzero on it
+      logical :: is_plain = .false.   !< whether its basis functions are B-splines
+   end type span_t
 
    !> The conditions of a beam with a clamped root and a free tip.
    logical, parameter, public :: clamped_root(2, 2) = reshape([.true., .true., .false., .false.], &
@@ -50,7 +50,7 @@ module beamid_splines
       real(wp), allocatable :: ends(:)         !< (0:elements) ends of the elements [length]
       real(wp), private :: scale = 1           !< mesh intervals per unit of x, N/l [1/length]
       real(wp), allocatable, private :: knots(:)      !< knots x N/l, ascending, 0 at the root
-      type(span_t), allocatable, private :: span(:)   !< (0:elements - 1)
+      type(span_t), allocatable, private :: span(:)   !< (0:elements - 1) of each element
       !> (n) first B-spline of each basis function, and (widest, n) the coefficients of this and the
       !> following B-splines
       integer, allocatable, private :: start(:)

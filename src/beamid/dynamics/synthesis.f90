@@ -308,17 +308,17 @@ contains
       real(wp), intent(inout), optional :: y(2)
       real(wp), intent(inout), optional, contiguous :: w(:), w_imag(:)
       complex(wp) :: growth, z_now, y_now, phi(4)
-      real(wp) :: re, im, z_re, z_im, y_re, y_im
+      real(wp) :: re, im, z_re, z_im, y_re, y_im, start(2)
       logical :: known, with_slope
       integer :: j
 
       with_slope = present(y)
       z_re = z(1)
       z_im = z(2)
-      y_now = 0
-      if (with_slope) y_now = cmplx(y(1), y(2), wp)
-      y_re = real(y_now)
-      y_im = aimag(y_now)
+      start = 0
+      if (with_slope) start = y
+      y_re = start(1)
+      y_im = start(2)
       growth = 1
       known = .false.
       do j = 1, size(steps)

@@ -99,8 +99,8 @@ contains
          correlation = -correlation
    end function correlation
 
-   !> Copies the fit. gfortran writes an assignment of so large a type out in place, so that copies
-   !> are made here.
+   !> Copies the fit. gfortran expands each assignment of this type to about 8 kB of code; call
+   !> this procedure instead.
    subroutine copy_to(self, copy)
       class(stage_fit_t), intent(in) :: self
       type(stage_fit_t), intent(inout) :: copy

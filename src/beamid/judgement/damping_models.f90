@@ -43,7 +43,8 @@ module beamid_damping_models
       type(fitted_mode_t), allocatable :: modes(:)
    end type mode_list_t
 
-   !> The fit of one combination, or the error. With `class`, code that frees it is not written out.
+   !> The fit of one combination, or the error. Fits of this module are `class`, although nothing
+   !> extends `candidate_t`: gfortran then frees them by a procedure, not by inline code.
    type :: trial_t
       class(candidate_t), allocatable :: model
       type(error_t), allocatable :: error

@@ -14,23 +14,23 @@ module beamid_mechanisms
       integer :: strength
       integer :: range = 0        !< number of the rate or range; 0: the mechanism has none
       logical :: in_time = .true. !< whether it is defined for records in time
+      character(len=4) :: short = ''   !< name in narrow columns
    end type mechanism_t
 
    !> Numbers of the mechanisms.
    integer, parameter, public :: air = 1, kelvin_voigt = 2, structural = 3, time_hysteresis = 4, &
       spatial_hysteresis = 5
 
-   type(mechanism_t), parameter, public :: mechanisms(5) = [ &
-      mechanism_t('air', of_gamma), &
-      mechanism_t('Kelvin-Voigt', of_c_D), &
-      mechanism_t('structural', of_eta, in_time=.false.), &
-      mechanism_t('time hysteresis', of_d(1), of_b(1)), &
-      mechanism_t('spatial hysteresis', of_a_h, of_b_h)]
+   type(mechanism_t), parameter, public :: mechanisms(*) = [ &
+      mechanism_t('air', of_gamma, short='air'), &
+      mechanism_t('Kelvin-Voigt', of_c_D, short='KV'), &
+      mechanism_t('structural', of_eta, in_time=.false., short='eta'), &
+      mechanism_t('time hysteresis', of_d(1), of_b(1), short='time'), &
+      mechanism_t('spatial hysteresis', of_a_h, of_b_h, short='spat')]
 
-   !> One or two mechanisms; 0: none.
-   integer, parameter :: pairs(2, 10) = reshape([air, 0, kelvin_voigt, 0, structural, 0, &
-      time_hysteresis, 0, spatial_hysteresis, 0, air, kelvin_voigt, air, structural, &
-      air, time_hysteresis, air, spatial_hysteresis, kelvin_voigt, structural], [2, 10])
+   !> Mechanisms that are compared together, in pairs that follow one another.
+   integer, parameter :: pairs(*) = [air, kelvin_voigt, air, structural, air, time_hysteresis, &
+      air, spatial_hysteresis, kelvin_voigt, structural]
 
    !> Mechanisms that act together.
    type :: combination_t
@@ -53,8 +53,14 @@ contains
       integer :: k
 
       allocate (combinations(0))
-      do k = 1, size(pairs, 2)
-         next%parts = pack(pairs(:, k), pairs(:, k) > 0)
+      do k = 1, size(mechanisms) + size(pairs)/2
+         if (k <= size(mechanisms)) then
+            next%parts = [k]
+         else
+            associate (second => 2*(k - size(mechanisms)))
+               next%parts = pairs(second - 1:second)
+            end associate
+         end if
          if (in_time .and. .not. all(mechanisms(next%parts)%in_time)) cycle
          combinations = [combinations, next]
       end do

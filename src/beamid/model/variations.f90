@@ -29,12 +29,16 @@ module beamid_variations
       known_width = 5, known_height = 6
    character(len=*), parameter, public :: known_names(6) = [character(len=6) :: 'E', 'c_D', 'rho', &
       'gamma', 'width', 'height']
+   !> Which derivative of w each quantity determines: 2 for those of the bending stiffness and
+   !> viscosity, 4 for mass and air damping.
+   integer, parameter :: order_of(size(known_names)) = [2, 2, 4, 4, 2, 2]
 
    !> A known factor of a property, a function of xi = x/l.
    type :: variation_t
       integer :: kind = constant   !< interpolation, `constant` .. `as_spline`
-      !> (n, 3) positions x/l, ascending from 0; values of the factor at the positions; second
-      !> derivatives of the spline. One array, because every structure contains six variations.
+      !> (n, 3) columns: positions x/l, ascending from 0; the factor there; its second derivatives,
+      !> 0 unless `kind` is `as_spline`. Not allocated if `kind` is `constant`. One array, because
+      !> every structure contains six variations.
       real(wp), allocatable :: table(:, :)
    contains
       procedure :: at
@@ -54,8 +58,8 @@ module beamid_variations
 
    !> All variation along the beam, known and estimated.
    type :: variations_t
-      !> known factors, (`known_E` .. `known_height`)
-      type(variation_t) :: known(6) = variation_t()
+      !> known factor of each quantity, index `known_E` .. `known_height`
+      type(variation_t) :: known(size(known_names)) = variation_t()
       logical :: by_density = .false.        !< the mass per length varies with width and height
       type(field_t) :: along(2) = field_t()  !< estimated fields: E(x), c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or may have one in a fit
@@ -247,13 +251,11 @@ contains
       integer, intent(in) :: degree
       real(wp), allocatable, intent(out) :: xi(:)
       integer, allocatable, intent(out) :: knots(:)
-      !> Order of the derivative of w that each quantity determines: bending or mass.
-      integer, parameter :: order(6) = [2, 2, 4, 4, 2, 2]
       integer :: a
 
       allocate (xi(0), knots(0))
       do a = 1, size(self%known)
-         call add_variation(self%known(a), order(a), degree, xi, knots)
+         call add_variation(self%known(a), order_of(a), degree, xi, knots)
       end do
       do a = 1, size(self%along)
          call add_field(self%along(a), degree, xi, knots)

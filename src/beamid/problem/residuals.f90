@@ -94,8 +94,8 @@ contains
       call problem%guess_noise()
    end subroutine new_residuals
 
-   !> Copies the problem with its data. gfortran writes an assignment of so large a type out in
-   !> place, with ten thousand bytes, so that all copies are made here.
+   !> Copies the problem with its data. gfortran expands each assignment of this type to about 10 kB
+   !> of code; call this procedure instead.
    subroutine copy_to(self, copy)
       class(residual_t), intent(in) :: self
       type(residual_t), intent(inout) :: copy

@@ -132,9 +132,12 @@ contains
       call pick(choice)
    end subroutine try_equal_frequencies
 
-   !> Adds a trial, with its objections, to those of a choice.
+   !> Adds a trial to those of a choice, with its origin and the objection to it, if any.
+   !>
+   !> origin  where the trial starts, for reports
+   !> needed  as for `choose`
    subroutine add_trial(problem, choice, trial, origin, needed)
-      type(residual_t), intent(inout) :: problem
+      type(residual_t), intent(in) :: problem
       type(choice_t), intent(inout) :: choice
       type(trial_t), intent(inout) :: trial
       character(len=*), intent(in) :: origin

@@ -2,14 +2,18 @@
 !> likely cause of a gross difference: a sign, a unit, another quantity, decibels, radians.
 module beamid_response_checks
    use beamid_case_files, only: case_t
+   use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
+   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_frequency_responses, only: frequency_response_t, quantities
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_input_checks, only: check_units, find_frequencies
    use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: options_t
    use beamid_linear_unknowns, only: linear_t
+   use beamid_modal, only: modal_t
    use beamid_modal_tables, only: assign_modes, modal_table_t
    use beamid_observed_data, only: seen_modes_t
    use beamid_peak_starts, only: fit_to_modes
@@ -17,9 +21,9 @@ module beamid_response_checks
    use beamid_refusals, only: refuse
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_response_peaks, only: find_peaks, peak_t
-   use beamid_responses, only: is_exact
+   use beamid_responses, only: is_exact, work_t
    use beamid_strings, only: rounded, to_text
-   use beamid_structure, only: is_coefficient
+   use beamid_structure, only: is_coefficient, structure_t
    use beamid_unknowns, only: stage_t
    implicit none
    private
@@ -156,8 +160,8 @@ contains
          'frequencies in the reciprocal of the unit of time (Hz)', error)
    end subroutine check_frequencies
 
-   !> Compares the damping ratios of a table of modes with those of a uniform beam with the values
-   !> of the case, c_D omega/(2 E) + gamma/(2 rho omega) + eta/2.
+   !> Compares the damping ratios of a table of modes with those of the model at the values of the
+   !> case.
    !>
    !> r      number of the record
    !> error  the ratios look like percent
@@ -175,11 +179,9 @@ contains
       select type (observed => experiment%observed)
       type is (modal_table_t)
          if (.not. allocated(observed%damping)) return
-         associate (s => case%model%structure, omega => two_pi*observed%frequency)
-            if (.not. (s%E > 0 .and. s%rho > 0 .and. s%c_D + s%gamma + s%eta > 0)) return
-            expected = (s%c_D*omega/s%E + s%gamma/(s%rho*omega) + s%eta)/2
-         end associate
-         if (any(observed%damping <= 0)) return
+         call find_damping(experiment%structure_of(case%model%structure), observed%frequency, &
+            expected)
+         if (.not. allocated(expected) .or. any(observed%damping <= 0)) return
          if (sum(log(observed%damping)) < size(expected)*log(most)) return
          factor = exp(sum(log(observed%damping/expected))/size(expected))
          if (abs(log(factor/100)) < log(usual)) call refuse(case%path, case%recordings(r)%line, &
@@ -187,6 +189,36 @@ contains
             ' times those of the model, and look like percent', 'ratios (2 % is 0.02)', error)
       end select
    end subroutine check_damping
+
+   !> Computes the damping ratios of the model's modes that are nearest to some frequencies.
+   !>
+   !> frequencies  (n) [1/time]
+   !> ratios       (n); not allocated if a mode has no damping or cannot be computed
+   subroutine find_damping(structure, frequencies, ratios)
+      type(structure_t), intent(in) :: structure
+      real(wp), intent(in) :: frequencies(:)
+      real(wp), allocatable, intent(out) :: ratios(:)
+      integer, parameter :: most = 12
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
+      type(modal_t) :: solver
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      complex(wp), allocatable :: s(:), ds(:, :)
+      logical, allocatable :: together(:)
+      integer :: k
+
+      galerkin = galerkin_of(mesh_t(elements=2*most), structure)
+      call solver%prepare(galerkin, error)
+      if (allocated(error)) return
+      equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
+      call solver%lowest_roots(equations, [integer ::], most, s, ds, together, work, error)
+      if (allocated(error)) return
+      s = pack(s, aimag(s) > 0)
+      if (size(s) == 0) return
+      s = [(s(minloc(abs(log(abs(s)/(two_pi*frequencies(k)))), dim=1)), k=1, size(frequencies))]
+      if (all(real(s) < 0)) ratios = -real(s)/abs(s)
+   end subroutine find_damping
 
    !> Compares frequencies with those of the model.
    !>
