@@ -295,9 +295,10 @@ contains
       integer, intent(in) :: k
 
       real(wp) :: q(n_parameters + 3)
-      integer :: i
+      integer :: place(3), i
 
-      associate (s => structure, place => parameters(k)%moderate%place)
+      place = parameters(k)%moderate%place
+      associate (s => structure)
          do i = 1, size(place)
             if (place(i) >= 1 .and. place(i) <= n_parameters) q(place(i)) = s%get(place(i))
          end do

@@ -124,7 +124,7 @@ contains
    !>
    !> channels  linear unknowns of each channel; on return empty if there is only one
    !> modes     number of unknowns of the modes
-   pure subroutine stack_channels(channels, modes, linear)
+   subroutine stack_channels(channels, modes, linear)
       type(linear_t), intent(inout) :: channels(:)
       integer, intent(in) :: modes
       type(linear_t), intent(out) :: linear
