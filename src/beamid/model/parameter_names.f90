@@ -34,23 +34,23 @@ contains
    elemental logical function is_there(structure, k)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
+      integer :: item
 
       is_there = .true.
-      associate (item => parameters(k)%item)
-         select case (parameters(k)%group)
-         case ('sensor', 'support', 'mass', 'hose')
-            is_there = item <= attachments(structure, parameters(k)%group)
-            if (any(k == [kappa_RP_at, c_RP_at])) is_there = is_there .and. &
-               (structure%support(item)%kappa_RP < no_spring .or. structure%support(item)%c_RP > 0)
-         case ('along')
-            is_there = structure%has_dip()
-         case ('end')
-            if (all(k /= [kappa_R_at(root), c_R_at(root)])) is_there = structure%described(item) &
-               .or. structure%get(k) > 0 .and. structure%get(k) < no_spring
-         case ('E(x)', 'c_D(x)')
-            is_there = item <= structure%variations%along(function_of(k))%coefficients
-         end select
-      end associate
+      item = parameters(k)%item
+      select case (parameters(k)%group)
+      case ('sensor', 'support', 'mass', 'hose')
+         is_there = item <= attachments(structure, parameters(k)%group)
+         if (any(k == [kappa_RP_at, c_RP_at])) is_there = is_there .and. &
+            (structure%support(item)%kappa_RP < no_spring .or. structure%support(item)%c_RP > 0)
+      case ('along')
+         is_there = structure%has_dip()
+      case ('end')
+         if (all(k /= [kappa_R_at(root), c_R_at(root)])) is_there = structure%described(item) &
+            .or. structure%get(k) > 0 .and. structure%get(k) < no_spring
+      case ('E(x)', 'c_D(x)')
+         is_there = item <= structure%variations%along(function_of(k))%coefficients
+      end select
    end function is_there
 
    !> Returns the number of attachments that a group of the case file describes; there is always a
@@ -112,22 +112,22 @@ contains
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
       character(len=name_length) :: name
+      integer :: item
 
       name = parameters(k)%name
-      associate (item => parameters(k)%item)
-         select case (parameters(k)%group)
-         case ('sensor')
-            name = trim(name)//'.'//structure%sensor_name(item)
-         case ('support')
-            name = trim(name)//'.'//structure%support_name(item)
-         case ('mass')
-            name = trim(name)//'.'//structure%mass_name(item)
-         case ('hose')
-            name = trim(name)//'.'//structure%hose_name(item)
-         case ('end')
-            name = trim(name)//'.'//merge('tip ', 'root', item == tip)
-         end select
-      end associate
+      item = parameters(k)%item
+      select case (parameters(k)%group)
+      case ('sensor')
+         name = trim(name)//'.'//structure%sensor_name(item)
+      case ('support')
+         name = trim(name)//'.'//structure%support_name(item)
+      case ('mass')
+         name = trim(name)//'.'//structure%mass_name(item)
+      case ('hose')
+         name = trim(name)//'.'//structure%hose_name(item)
+      case ('end')
+         name = trim(name)//'.'//merge('tip ', 'root', item == tip)
+      end select
    end function labelled
 
 end module beamid_parameter_names

@@ -45,10 +45,10 @@ contains
       integer, intent(in) :: k
       character(len=:), allocatable :: unit
       character(len=label_length) :: labels(4)
-      integer :: exponents(4), force, j
+      integer :: given(3), exponents(4), force, j
 
-      associate (mass => parameters(k)%unit(1), length => parameters(k)%unit(2), &
-         time => parameters(k)%unit(3))
+      given = parameters(k)%unit
+      associate (mass => given(1), length => given(2), time => given(3))
          force = merge(mass, 0, time /= 0)
          labels = [self%mass, self%force, self%length, self%time]
          exponents = [mass - force, force, length - force, time + 2*force]
