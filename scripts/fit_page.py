@@ -214,8 +214,16 @@ class Fit:
         if not bars:
             return ""
         return ("<h3>Where the error comes from</h3>\n" + h.paragraph(
-            "Shares of the variance. A fixed parameter contributes the error that its `&prior` "
-            "states.") + f'<div class="bars">{"".join(bars)}</div>\n')
+            "Shares of the variance. A fixed parameter contributes the error that its standard "
+            "deviation in the case (`&prior`) causes.")
+            + f'<div class="bars">{"".join(bars)}</div>\n' + self.effects())
+
+    def effects(self):
+        """Returns how much the error of each fixed parameter moves the estimates."""
+        summary = self.outputs.summary("identify")
+        lines = [] if summary is None else unwrapped(summary.text)
+        lines = [line for line in lines if re.match(r"\S+ \S* ?in \S+ moves ", line)]
+        return h.paragraph(f"One standard deviation: {'; '.join(lines)}.") if lines else ""
 
     # -- record and model
 

@@ -45,7 +45,7 @@ class BeamStep:
                            "the direction of the vibration."), pair():
                     number("beam", "length", "Length", LENGTHS)
                     number("beam", "width", "Width", LENGTHS)
-                    number("beam", "height", "Height (thickness)", LENGTHS)
+                    number("beam", "height", "Height", LENGTHS)
                 with panel("Material"):
                     self.material = ui.select(list(MATERIALS), label="Typical values of",
                                               on_change=self.take_material, clearable=True).props(
@@ -58,7 +58,7 @@ class BeamStep:
                         number("beam", "gamma", "Air gamma", {"N s/m²": "1"})
                 with panel("Sensor", "Its mass includes the board and half the cable; a phone has "
                            "about 200 g."), pair():
-                    number("sensor", "x_S", "Distance from clamp", LENGTHS)
+                    number("sensor", "x_S", "From the clamp", LENGTHS)
                     number("sensor", "m_S", "Mass", MASSES)
                 with panel("Ends and attachments"):
                     with pair():

@@ -144,6 +144,7 @@ class FitStep:
             hint = ("Without a standard deviation, the mass counts as exactly known. An error of "
                     f"{checks.MASS_ERROR:.0%} would move E by {effect:.1%}.").replace("%", " %")
         self.studio.tells["stage", "m_s"].suggest(hint)
+        self.studio.tells["stage", "all"].suggest(self.lacking())
         self.results.redraw()
 
     def show_progress(self) -> None:
@@ -173,6 +174,9 @@ class FitStep:
         if lacking:
             ui.notify(lacking, type="warning")
             return
+        # It appears where the other button was: a second click is not meant for it.
+        self.stop.disable()
+        ui.timer(0.6, self.stop.enable, once=True)
         await self.work(self.fit())
 
     async def work(self, job: Any) -> None:

@@ -15,7 +15,8 @@ KINDS = {"free": "free decay: nothing is known of its start",
          "release": "release: pulled aside and let go", "pulse": "impulse: a constant force",
          "table": "measured force"}
 LEADS = {"free": "Amplitude and phase of each mode are estimated, too.",
-         "release": "State the force, or the displacement, at which the beam was held.",
+         "release": "State the force, or the displacement, at which the beam was held. If you have "
+                    "measured neither, choose a free decay.",
          "pulse": "The force acts from t = 0.",
          "table": "The force is a column of the record's file, or of another file with the same "
                   "zero of time."}

@@ -42,6 +42,7 @@ a { color: var(--link); }
 .title { font-weight: 620; font-size: 1rem; line-height: 1.3; }
 .lead { color: var(--soft); font-size: .9rem; line-height: 1.45; margin: 0; }
 .pair { display: grid; grid-template-columns: 1fr 1fr; gap: .55rem .8rem; width: 100%; }
+.pair > .field:has(.tell) { grid-column: 1 / -1; }
 .pair > *, .panel > .q-field { min-width: 0; width: 100%; }
 .field { display: flex; flex-direction: column; min-width: 0; width: 100%; gap: .2rem; }
 .field .q-field { width: 100%; }
