@@ -23,6 +23,8 @@ SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("fixed parameters"
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
+#: How much the error of a fixed parameter moves the estimates: below the sources of errors.
+EFFECT = re.compile(r"\S+ \S* ?in \S+ moves ")
 #: Beginnings of sentences that limit a good result.
 RESERVATIONS = ("residuals are NOT white", "not in these intervals")
 CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",
@@ -89,7 +91,8 @@ class Fit:
         warnings, _, statistics = summary.text.rpartition("\nStatistics for")
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
         lines += [line for line in unwrapped(statistics)
-                  if any(word in line for word in CHECKS) and not line.startswith(" ")]
+                  if any(word in line for word in CHECKS) and not line.startswith(" ")
+                  and not EFFECT.match(line)]
         lines += [line for line in unwrapped(warnings) if line.startswith("not in these intervals")]
         # What stands above the quality of the records makes reservations about the fit.
         above = summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
@@ -222,7 +225,7 @@ class Fit:
         """Returns how much the error of each fixed parameter moves the estimates."""
         summary = self.outputs.summary("identify")
         lines = [] if summary is None else unwrapped(summary.text)
-        lines = [line for line in lines if re.match(r"\S+ \S* ?in \S+ moves ", line)]
+        lines = [line for line in lines if EFFECT.match(line)]
         return h.paragraph(f"One standard deviation: {'; '.join(lines)}.") if lines else ""
 
     # -- record and model
