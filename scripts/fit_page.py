@@ -24,7 +24,7 @@ LONG = 75    # a line shorter than that has no other one behind it that goes on 
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
 #: How much the error of a fixed parameter moves the estimates: below the sources of errors.
-EFFECT = re.compile(r"\S+ \S* ?in \S+ moves ")
+EFFECT = re.compile(r"[\d.E+-]+ (.+ )?in \S+ moves ")
 #: Beginnings of sentences that limit a good result.
 RESERVATIONS = ("residuals are NOT white", "not in these intervals")
 CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",

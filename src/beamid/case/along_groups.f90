@@ -55,8 +55,7 @@ contains
 
       kind = 'linear'
       call block%get('parameter', found%parameter, 'property that varies along the beam', &
-         known_names, &
-         default='required; ''E'' with kind=''dip''')
+         known_names, default='required; ''E'' with kind=''dip''')
       call block%get('kind', kind, 'shape of the variation: ''linear'', straight lines; '// &
          '''spline'', a natural cubic spline; ''steps'', constant from each position to the '// &
          'next; ''dip'', a Gaussian dip of E', &

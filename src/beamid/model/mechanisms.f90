@@ -28,9 +28,9 @@ module beamid_mechanisms
       mechanism_t('time hysteresis', of_d(1), of_b(1), short='time'), &
       mechanism_t('spatial hysteresis', of_a_h, of_b_h, short='spat')]
 
-   !> Mechanisms that are compared together, in pairs that follow one another.
-   integer, parameter :: pairs(*) = [air, kelvin_voigt, air, structural, air, time_hysteresis, &
-      air, spatial_hysteresis, kelvin_voigt, structural]
+   !> Pairs of mechanisms that are compared.
+   integer, parameter :: pairs(2, 5) = reshape([air, kelvin_voigt, air, structural, &
+      air, time_hysteresis, air, spatial_hysteresis, kelvin_voigt, structural], [2, 5])
 
    !> Mechanisms that act together.
    type :: combination_t
@@ -53,13 +53,11 @@ contains
       integer :: k
 
       allocate (combinations(0))
-      do k = 1, size(mechanisms) + size(pairs)/2
+      do k = 1, size(mechanisms) + size(pairs, 2)
          if (k <= size(mechanisms)) then
             next%parts = [k]
          else
-            associate (second => 2*(k - size(mechanisms)))
-               next%parts = pairs(second - 1:second)
-            end associate
+            next%parts = pairs(:, k - size(mechanisms))
          end if
          if (in_time .and. .not. all(mechanisms(next%parts)%in_time)) cycle
          combinations = [combinations, next]
@@ -99,7 +97,8 @@ contains
    elemental logical function is_of_damping(parameter)
       integer, intent(in) :: parameter
 
-      is_of_damping = any(parameter == [of_gamma, of_c_D, of_eta, of_d, of_b, of_a_h, of_b_h])
+      is_of_damping = parameter > 0 .and. any(parameter == [mechanisms%strength, &
+         mechanisms%range, of_d, of_b])
    end function is_of_damping
 
 end module beamid_mechanisms
