@@ -10,13 +10,15 @@ program test_time_hysteresis
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_relaxation_roots, only: find_relaxation_roots
+   use beamid_relaxation_roots, only: continue_relaxation_roots, find_relaxation_roots, shares_of
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
+   use beamid_vectors, only: find_vector, vector_t
    use case_answers, only: check_estimates, check_refused, modal_record, nl
    use checks, only: check, check_close, finish, skip
+   use random_numbers, only: between, decades, start_random
    use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, write_file
    implicit none
 
@@ -29,6 +31,7 @@ program test_time_hysteresis
       call test_accumulation(i)
       call test_step(i)
    end do
+   call test_continuation()
    call test_limits()
    call open_shell(reason)
    if (reason /= '') then
@@ -118,6 +121,80 @@ contains
       assembly = new_assembly(structure, modes, [integer ::])
    end function assembly_of
 
+   !> The relaxation roots of 40 random structures, followed from those of similar structures: every
+   !> parameter changes by up to 20 %. They equal the roots of a new search, whose own error is the
+   !> round-off of their distance from the point of accumulation; so do the eigenvectors.
+   subroutine test_continuation()
+      type(structure_t) :: structure
+      type(assembly_t) :: assembly
+      type(root_t), allocatable :: known(:), followed(:), fresh(:)
+      type(vector_t), allocatable :: vector(:)
+      type(vector_t) :: expected
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: shares(:)
+      real(wp) :: furthest, least_like
+      logical :: found
+      integer :: k, trial, followed_trials
+
+      call start_random(5)
+      followed_trials = 0
+      furthest = 0
+      least_like = 0
+      do trial = 1, 40
+         structure = cantilever(1 + mod(trial, 2))
+         structure%m_T = decades(-2.0_wp, 0.0_wp)
+         structure%supports = 1
+         structure%support(1)%x_P = between(0.4_wp, 1.0_wp)
+         structure%support(1)%kappa_P = decades(-3.0_wp, 0.0_wp)
+         structure%d_1 = decades(-3.0_wp, 0.0_wp)
+         structure%b_1 = decades(0.0_wp, 4.0_wp)
+         assembly = assembly_of(structure, mesh_t(3, 16, 4, 1))
+         call find_relaxation_roots(assembly, known, error)
+         call check('roots before the change', .not. allocated(error))
+         if (allocated(error)) return
+         shares = shares_of(assembly%oscillators, known)
+         structure%E = structure%E*between(0.8_wp, 1.2_wp)
+         structure%m_T = structure%m_T*between(0.8_wp, 1.2_wp)
+         structure%d_1 = structure%d_1*between(0.8_wp, 1.2_wp)
+         structure%b_1 = structure%b_1*between(0.8_wp, 1.2_wp)
+         structure%support(1)%kappa_P = structure%support(1)%kappa_P*between(0.8_wp, 1.2_wp)
+         assembly = assembly_of(structure, mesh_t(3, 16, 4, 1))
+         call find_relaxation_roots(assembly, fresh, error)
+         if (allocated(vector)) deallocate (vector)
+         allocate (vector(size(known)))
+         call continue_relaxation_roots(assembly, known, shares, followed, vector, found)
+         if (.not. found) cycle
+         followed_trials = followed_trials + 1
+         do k = 1, size(followed)
+            associate (of => assembly%oscillators, creep => distances(assembly, fresh), &
+               own => distances(assembly, followed(k:k)))
+               furthest = max(furthest, minval(abs(creep - own(1)), mask=fresh%side == &
+                  followed(k)%side)/abs(own(1)))
+            end associate
+            call find_vector(assembly, followed(k), expected)
+            least_like = max(least_like, maxval(abs(vector(k)%x - expected%x)) &
+               /maxval(abs(expected%x)))
+         end do
+      end do
+      call check('most relaxation roots are followed: '//to_text(followed_trials), &
+         followed_trials >= 36)
+      call check_close('followed relaxation roots', furthest, 0.0_wp, 1e-12_wp)
+      call check_close('their eigenvectors', least_like, 0.0_wp, 1e-9_wp)
+   end subroutine test_continuation
+
+   !> Distances of relaxation roots from the point of accumulation, to all digits.
+   pure function distances(assembly, roots) result(creep)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: roots(:)
+      real(wp) :: creep(size(roots))
+      integer :: k
+
+      do k = 1, size(roots)
+         creep(k) = assembly%oscillators%creep(roots(k)%origin, roots(k)%side - 2) &
+            + real(roots(k)%offset)
+      end do
+   end function distances
+
    !> The relaxation roots of a beam with a tip mass and a support: as many as there are modes for
    !> each relaxation, all between -b and the point of accumulation, and all different, although the
    !> last ones agree with this point in three to seven digits.
@@ -146,8 +223,7 @@ contains
          creep = [real(wp) ::]
          do k = 1, size(relaxed)
             if (relaxed(k)%side /= 2 + l) cycle
-            creep = [creep, assembly%oscillators%creep(relaxed(k)%origin, l) &
-               + real(relaxed(k)%offset)]
+            creep = [creep, distances(assembly, relaxed(k:k))]
          end do
          call check(name//'before the point', all(creep < 0) .and. all(creep > &
             -assembly%oscillators%relaxation%lag(l)))

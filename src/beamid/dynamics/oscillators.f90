@@ -10,13 +10,14 @@ module beamid_oscillators
    use beamid_coefficients, only: coefficients_t
    use beamid_kinds, only: wp
    use beamid_layout, only: layout_t
+   use beamid_quadratics, only: lossy_roots, quadratic_roots
    use beamid_relaxations, only: new_relaxation, relaxation_t
    use beamid_terms, only: bending, hose, inertia, of_damping, of_loss, of_mass, of_relaxation, &
       of_stiffness, stretch
    implicit none
    private
 
-   public :: changes, of_rate, oscillators_t, quadratic, root_t
+   public :: changes, of_rate, oscillators_t, root_t
 
    !> Factors of the coefficients in Q(s): of those in M, C, K, L, of the stiffness that relaxes by
    !> each relaxation, and of the same stiffness where the rate of the relaxation changes.
@@ -116,9 +117,9 @@ contains
 
       do i = 1, size(self%m)
          if (self%l(i) > 0) then
-            self%pole(i, :2) = lossy_poles(self%m(i), self%c(i), cmplx(self%k(i), self%l(i), wp))
+            self%pole(i, :2) = lossy_roots(self%m(i), self%c(i), cmplx(self%k(i), self%l(i), wp))
          else
-            self%pole(i, :2) = quadratic(self%m(i), self%c(i), self%k(i))
+            self%pole(i, :2) = quadratic_roots(self%m(i), self%c(i), self%k(i))
          end if
          if (self%relaxation%n > 0) call relax_poles(self, i)
       end do
@@ -144,41 +145,9 @@ contains
             self%pole(i, 2 + l) = of%point(l) + self%creep(i, l)
             share = share*of%rate(l)/(of%rate(l) - self%rise(i, l))
          end do
-         self%pole(i, :2) = quadratic(1.0_wp, self%c(i)/m + sum(self%rise(i, :)), k/m*share)
+         self%pole(i, :2) = quadratic_roots(1.0_wp, self%c(i)/m + sum(self%rise(i, :)), k/m*share)
       end associate
    end subroutine relax_poles
-
-   !> Returns both roots of a s**2 + b s + c without cancellation; a > 0, b >= 0, c >= 0.
-   pure function quadratic(a, b, c) result(roots)
-      real(wp), intent(in) :: a, b, c
-      complex(wp) :: roots(2)
-      real(wp) :: half, discriminant
-
-      half = b/(2*a)
-      discriminant = half**2 - c/a
-      if (discriminant < 0) then
-         roots(1) = cmplx(-half, sqrt(-discriminant), wp)
-         roots(2) = conjg(roots(1))
-      else
-         roots(2) = -(half + sqrt(discriminant))
-         roots(1) = 0
-         if (c > 0) roots(1) = c/(a*roots(2))
-      end if
-   end function quadratic
-
-   !> Returns both roots of m s**2 + c s + k without cancellation, the one with Im s > 0 first;
-   !> m > 0, c >= 0, Im k > 0.
-   pure function lossy_poles(m, c, k) result(roots)
-      real(wp), intent(in) :: m, c
-      complex(wp), intent(in) :: k
-      complex(wp) :: roots(2)
-      real(wp) :: half
-
-      half = c/(2*m)
-      ! The principal square root has a real part >= 0 and, because Im k > 0, an imaginary part < 0.
-      roots(1) = -(half + sqrt(half**2 - k/m))
-      roots(2) = k/(m*roots(1))
-   end function lossy_poles
 
    !> Stores a point relative to the nearest pole. If the point is a pole, the vector is normalised
    !> at its oscillator.
@@ -276,24 +245,33 @@ contains
       type(oscillators_t), intent(in) :: self
       type(root_t), intent(in) :: root
       complex(wp), intent(inout) :: D(:), dD(:)
-      complex(wp) :: past(2)
+      complex(wp) :: past(2), inverse, of_rate, origin
+      real(wp) :: pole(size(D))
       integer :: i, l
 
       past = past_relaxations(self, root)
-      do i = 1, size(D)
-         if (.not. self%relaxes(i)) cycle
-         if (self%l(i) > 0) D(i) = (self%m(i)*root%s + self%c(i))*root%s &
-            + cmplx(self%k(i), self%l(i), wp)
-         dD(i) = 2*self%m(i)*root%s + self%c(i)
-         do l = 1, self%relaxation%n
-            associate (r => self%relaxed(i, l), b => self%relaxation%rate(l))
-               dD(i) = dD(i) + r*b/past(l)**2
-               if (self%l(i) > 0) then
-                  D(i) = D(i) + r*root%s/past(l)
-               else
-                  D(i) = D(i)*self%distance_between(root, root_t(origin=i, side=2 + l))/past(l)
-               end if
-            end associate
+      where (self%relaxes) dD = 2*self%m*root%s + self%c
+      where (self%relaxes .and. self%l > 0) D = (self%m*root%s + self%c)*root%s &
+         + cmplx(self%k, self%l, wp)
+      do l = 1, self%relaxation%n
+         inverse = 1/past(l)
+         of_rate = self%relaxation%rate(l)*inverse**2
+         ! As in `distance_between`, to all digits near a pole of this relaxation.
+         if (root%side == 2 + l) then
+            pole = self%creep(:, l)
+            origin = pole(root%origin)
+         else
+            pole = real(self%pole(:, 2 + l))
+            origin = self%pole(root%origin, root%side)
+         end if
+         do i = 1, size(D)
+            if (.not. self%relaxes(i)) cycle
+            dD(i) = dD(i) + self%relaxed(i, l)*of_rate
+            if (self%l(i) > 0) then
+               D(i) = D(i) + self%relaxed(i, l)*root%s*inverse
+            else
+               D(i) = D(i)*((origin - pole(i)) + root%offset)*inverse
+            end if
          end do
       end do
    end subroutine relax_denominators

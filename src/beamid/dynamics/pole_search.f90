@@ -8,7 +8,8 @@ module beamid_pole_search
    use beamid_low_roots, only: find_low_roots
    use beamid_parameters, only: as_named, parameters
    use beamid_poles, only: find_residues, parameter_values, poles_t
-   use beamid_relaxation_roots, only: find_relaxation_roots
+   use beamid_relaxation_roots, only: continue_relaxation_roots, find_relaxation_roots, &
+      shares_of
    use beamid_roots, only: find_others, find_roots
    use beamid_strings, only: to_text
    use beamid_structure_checks, only: furthest_parameter
@@ -40,7 +41,7 @@ contains
       real(wp), intent(in), optional :: rate
       integer, intent(in), optional :: modes
       type(root_t), allocatable :: relaxed(:)
-      logical :: found
+      logical :: found, continued
       integer :: k, way
 
       if (.not. assembly%oscillators%E > tiny(1.0_wp)) then
@@ -54,7 +55,11 @@ contains
          call find_low_poles(assembly, rate, modes, poles, found)
          if (found) return
       end if
-      call find_relaxation_roots(assembly, relaxed, error)
+      continued = .false.
+      if (allocated(poles%root)) call allocate_vectors(size(poles%root), poles%vector)
+      if (allocated(poles%shares)) call continue_relaxation_roots(assembly, poles%root, &
+         poles%shares, relaxed, poles%vector(count(poles%root%side <= 2) + 1:), continued)
+      if (.not. continued) call find_relaxation_roots(assembly, relaxed, error)
       if (allocated(error)) return
       if (.not. poles%has_all()) then
          deallocate (poles%all)
@@ -62,19 +67,20 @@ contains
          poles%modes = huge(1)
       end if
       if (allocated(poles%all)) then
-         call allocate_vectors(size(poles%root), poles%vector)
-         call continue_roots(assembly, relaxed, poles, found)
+         call continue_roots(assembly, relaxed, continued, poles, found)
          if (found) then
             call find_residues(assembly, poles, error)
             if (.not. allocated(error)) return
             deallocate (error)
          end if
+         if (continued) call find_relaxation_roots(assembly, relaxed, error)
+         if (allocated(error)) return
       end if
       ! First the characteristic equation, then the eigenvalues of the matrices.
       do way = 1, 2
          call find_roots(assembly, relaxed, poles%all, poles%root, error, from_matrix=way == 2)
          if (.not. allocated(error)) then
-            call add_relaxed(relaxed, poles)
+            call add_relaxed(assembly, relaxed, poles)
             call find_eigenvectors(assembly, poles)
          end if
          if (.not. allocated(error)) call find_residues(assembly, poles, error)
@@ -122,23 +128,27 @@ contains
    end subroutine find_low_poles
 
    !> Adds the relaxation roots, which come last.
-   pure subroutine add_relaxed(relaxed, poles)
+   pure subroutine add_relaxed(assembly, relaxed, poles)
+      type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: relaxed(:)
-      type(poles_t), intent(inout) :: poles   !< in and out: `root`, `all`
+      type(poles_t), intent(inout) :: poles   !< in and out: `root`, `all`; out: `shares`
 
       if (size(relaxed) == 0) return
       poles%root = [poles%root, relaxed]
       poles%all = [poles%all, relaxed]
+      poles%shares = shares_of(assembly%oscillators, relaxed)
    end subroutine add_relaxed
 
    !> Follows the roots of a similar structure to those of this one.
    !>
-   !> relaxed  relaxation roots of this structure
-   !> poles    in: of the similar structure; out: if found, `root`, `all` and `vector` of this one
-   !> found    whether all roots have been found
-   subroutine continue_roots(assembly, relaxed, poles, found)
+   !> relaxed    relaxation roots of this structure
+   !> continued  whether `poles` already holds the eigenvectors of these roots
+   !> poles      in: of the similar structure; out: if found, `root`, `all` and `vector` of this one
+   !> found      whether all roots have been found
+   subroutine continue_roots(assembly, relaxed, continued, poles, found)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: relaxed(:)
+      logical, intent(in) :: continued
       type(poles_t), intent(inout) :: poles
       logical, intent(out) :: found
       type(root_t), allocatable :: moved(:)
@@ -157,10 +167,10 @@ contains
       if (found) then
          poles%root = moved
          call with_conjugates(assembly, moved, poles%all)
-         call add_relaxed(relaxed, poles)
+         call add_relaxed(assembly, relaxed, poles)
          if (size(poles%vector) /= size(poles%root)) then
             call find_eigenvectors(assembly, poles)
-         else
+         else if (.not. continued) then
             do k = n + 1, size(poles%root)
                call find_eigenvector(assembly, poles%root(k), poles%vector(k))
             end do
@@ -169,7 +179,7 @@ contains
          ! If more than a quarter is lost, a new search is faster.
          call find_others(assembly, relaxed, moved, followed, poles%all, poles%root, found)
          if (.not. found) return
-         call add_relaxed(relaxed, poles)
+         call add_relaxed(assembly, relaxed, poles)
          call find_eigenvectors(assembly, poles)
       end if
    end subroutine continue_roots

@@ -27,6 +27,8 @@ module beamid_poles
       type(root_t), allocatable :: root(:)
       !> every root, conjugates included: the start of the next search
       type(root_t), allocatable :: all(:)
+      !> (relaxation roots) where they lie, from `beamid_relaxation_roots`
+      real(wp), allocatable :: shares(:)
       complex(wp), allocatable :: s(:)            !< (poles) values of `root` [1/time]
       !> (poles) residues r, doubled for pairs. Without the clusters, the response to a unit impulse
       !> is Re(sum r e**(s t)). 0 if the root belongs to a cluster.
@@ -202,6 +204,8 @@ contains
       self%all = other%all
       self%rate = other%rate
       self%modes = other%modes
+      if (allocated(self%shares)) deallocate (self%shares)
+      if (allocated(other%shares)) self%shares = other%shares
       if (.not. allocated(other%values)) return
       self%ds = other%ds
       self%parameters = other%parameters

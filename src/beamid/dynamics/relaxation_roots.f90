@@ -18,7 +18,7 @@ module beamid_relaxation_roots
    implicit none
    private
 
-   public :: find_relaxation_roots, restart_root
+   public :: continue_relaxation_roots, find_relaxation_roots, restart_root, shares_of
 
 contains
 
@@ -51,6 +51,69 @@ contains
          end if
       end do
    end subroutine find_relaxation_roots
+
+   !> Returns where relaxation roots lie relative to their poles: (a - s)/(s + b) of the root,
+   !> divided by the same quotient of its pole `origin`. The shares of similar structures are
+   !> nearly equal, however closely their roots accumulate at a.
+   pure function shares_of(oscillators, roots) result(shares)
+      type(oscillators_t), intent(in) :: oscillators
+      type(root_t), intent(in) :: roots(:)   !< any; those of no relaxation are ignored
+      real(wp) :: shares(count(roots%side > 2))
+      integer :: i, k
+
+      k = 0
+      do i = 1, size(roots)
+         if (roots(i)%side <= 2) cycle
+         k = k + 1
+         associate (origin => roots(i)%origin, l => roots(i)%side - 2, &
+            offset => real(roots(i)%offset))
+            associate (creep => oscillators%creep(origin, l), rise => oscillators%rise(origin, l))
+               shares(k) = (1 + offset/creep)/(1 + offset/rise)
+            end associate
+         end associate
+      end do
+   end function shares_of
+
+   !> Follows the relaxation roots of a similar structure to those of this one.
+   !>
+   !> known   roots of the similar structure; those of no relaxation are ignored
+   !> shares  from `shares_of` for that structure
+   !> roots   of this structure, if found
+   !> vector  (roots) in: arrays to be reused; out: eigenvectors, if found
+   !> found   whether as many different roots as the structure has were found
+   subroutine continue_relaxation_roots(assembly, known, shares, roots, vector, found)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: known(:)
+      real(wp), intent(in) :: shares(:)
+      type(root_t), allocatable, intent(out) :: roots(:)
+      type(vector_t), intent(inout) :: vector(:)
+      logical, intent(out) :: found
+      real(wp) :: odds
+      integer :: k, number
+
+      roots = pack(known, known%side > 2)
+      number = min(relaxing_modes(assembly), count(assembly%oscillators%relaxes))
+      found = .not. (assembly%is_dense() .or. assembly%couplings%vanish()) .and. &
+         size(roots) == number*assembly%oscillators%relaxation%n .and. size(roots) == size(shares)
+      if (found) found = all(roots%j <= assembly%layout%n .and. roots%origin <= assembly%layout%n)
+      do k = 1, size(roots)
+         if (.not. found) return
+         associate (of => assembly%oscillators, root => roots(k))
+            associate (l => root%side - 2, i => root%origin)
+               found = l == 1 + (k - 1)/number .and. of%relaxes(i)
+               if (.not. found) return
+               odds = -of%creep(i, l)/of%rise(i, l)*shares(k)
+               found = odds > -1
+               if (.not. found) return
+               call anchor(of, l, -of%relaxation%lag(l)*odds/(1 + odds), &
+                  of%relaxation%lag(l)/(1 + odds), root)
+               call follow_newton(assembly, root, vector(k), found)
+               if (found) found = is_inside(of%relaxation, l, real(root%s)) .and. .not. &
+                  is_among(of, roots(:k - 1), root)
+            end associate
+         end associate
+      end do
+   end subroutine continue_relaxation_roots
 
    !> Returns the number of roots of each relaxation: the dimension of the motions that bend the
    !> beam and that rigid springs allow.
@@ -175,11 +238,12 @@ contains
       type(root_t), intent(in) :: others(:)
       type(root_t), intent(inout) :: root
       type(root_t) :: start
+      type(vector_t) :: vector
       logical :: converged
 
       start = root
       converged = .false.
-      if (.not. assembly%is_dense()) call follow_newton(assembly, root, converged)
+      if (.not. assembly%is_dense()) call follow_newton(assembly, root, vector, converged)
       if (converged) converged = .not. is_among(assembly%oscillators, others, root)
       if (converged) return
       root = start
@@ -222,12 +286,14 @@ contains
    end function is_among
 
    !> Applies Newton's method to a relaxation root.
-   subroutine follow_newton(assembly, root, converged)
+   !>
+   !> vector  in: arrays to be reused; out: the eigenvector, if converged
+   subroutine follow_newton(assembly, root, vector, converged)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
+      type(vector_t), intent(inout) :: vector
       logical, intent(out) :: converged
       integer, parameter :: most_steps = 40
-      type(vector_t) :: vector
       complex(wp) :: step
       real(wp) :: past, before
       integer :: k, l

@@ -7,7 +7,8 @@ module beamid_starting_roots
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf
-   use beamid_oscillators, only: oscillators_t, quadratic
+   use beamid_oscillators, only: oscillators_t
+   use beamid_quadratics, only: quadratic_roots
    use beamid_terms, only: of_stiffness
    use beamid_vectors, only: nearest_pole
    implicit none
@@ -75,7 +76,8 @@ contains
       next = size(slow)
       allocate (roots(2*half))
       do j = half, 1, -1
-         pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
+         pair = quadratic_roots(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), &
+            max(lambda(j), 0.0_wp))
          if (assembly%oscillators%relaxation%n > 0) pair = relaxed_pair(assembly%oscillators, &
             pair, K(:, j), dot_product(K(:, j), matmul(C, K(:, j))), lambda(j))
          if (abs(aimag(pair(1))) <= 0 .and. slow(next) < 0 .and. &
@@ -165,7 +167,7 @@ contains
          call solve_symmetric(x, rest, theta, error)
          if (allocated(error)) return
          do i = 1, size(slow)
-            pair = quadratic(dot_product(x(:, i), matmul(M, x(:, i))), &
+            pair = quadratic_roots(dot_product(x(:, i), matmul(M, x(:, i))), &
                dot_product(x(:, i), matmul(C, x(:, i))), &
                max(dot_product(x(:, i), matmul(K, x(:, i))), 0.0_wp))
             if (abs(aimag(pair(1))) <= 0) slow(i) = real(pair(1))
