@@ -49,7 +49,8 @@ def laboratory(random, thickness=(0.6e-3, 1.5e-3), **values):
 def sampled(random, motion, visible, late=0.0):
     """Times of a free decay in which the visible modes are below the Nyquist frequency."""
     highest = motion.omega[visible - 1] / (2 * np.pi)
-    rate = random.choice([rate for rate in (200, 250, 400, 500, 1000) if rate > 2.5 * highest])
+    rates = [rate for rate in (200, 250, 400, 500, 1000) if rate > 2.5 * highest] or [2000]
+    rate = random.choice(rates)
     decay = -motion.poles.real[np.argmin(np.abs(np.abs(motion.poles) - motion.omega[0]))]
     seconds = min(np.clip(random.uniform(1, 3) / decay, 3, 20), SAMPLES / rate)
     return np.arange((late + seconds) * rate) / rate
@@ -119,6 +120,20 @@ def careless(random, _):
     trial = decay_case(strip, modes, wrong, {"record": (t, twelve_bits(random, a, 0.3))},
                        t_first=round(late, 3))
     trial.sort = f"m{modes}-seen{visible}-{'late' if late else 'start'}"
+    return [trial]
+
+
+def higher(random, _):
+    """A strip from the instant of its release: the record holds more modes than the case."""
+    strip = laboratory(random)
+    strip.c_D = strip.E * between(random, 1e-5, 3e-4)
+    motion, modes = Motion(strip), random.integers(2, 5)
+    t = sampled(random, motion, min(modes + random.integers(0, 3), 5))
+    a = motion.free(t, motion.deflected(random.uniform(0.005, 0.03)))
+    wrong = guesses(random, strip, 0.15, 0.4, 2)
+    noise = between(random, 0.002, 0.02) * a.std()
+    trial = decay_case(strip, modes, wrong, {"record": (t, a + random.normal(0, noise, len(t)))})
+    trial.sort = f"m{modes}"
     return [trial]
 
 
@@ -314,5 +329,5 @@ def generator(random, k):
         ("record", dict(t_first=t[0], t_last=t[-1], t_step=0.001))], tables, {}, "simulate")]
 
 
-KINDS = {f.__name__: f for f in (hard, careless, folds, joint, errors, damage, coverage, meshes,
-                                 perfect, generator)}
+KINDS = {f.__name__: f for f in (hard, careless, higher, folds, joint, errors, damage, coverage,
+                                 meshes, perfect, generator)}

@@ -54,7 +54,7 @@ ALARMS = {              # what a summary says
     "spectral line": r"cannot explain a spectral line",
     "distrust": r"no parameter counts as determined",
     "drift": r"not constant during the motion",
-    "score test": r"which the model leaves out|mean of the residuals is not 0",
+    "score test": r"which (the model leaves out|is fixed), |mean of the residuals is not 0",
     "harmonic": r"look like a harmonic",
     "departure": r"the residuals exceed the noise",
     "held": r"\b(is|are) (held|fixed) at",

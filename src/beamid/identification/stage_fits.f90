@@ -3,8 +3,10 @@
 !> `beamid_stages` fills it; the judgement, the inferences and the reports read it.
 module beamid_stage_fits
    use beamid_distributions, only: normal_quantile
+   use beamid_errors, only: error_t
    use beamid_field_penalties, only: fields
    use beamid_fit_setups, only: fit_setup_t, set_free
+   use beamid_gauss_newton, only: least_squares_step
    use beamid_held_errors, only: held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t
@@ -12,7 +14,7 @@ module beamid_stage_fits
    use beamid_priors, only: prior_t
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: field_fit_t
-   use beamid_statistics, only: statistics_t, unlimited
+   use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_unknowns, only: quantity_t, scenario_t, stage_t
    use beamid_whiteness, only: residual_check_t
    implicit none
@@ -74,6 +76,7 @@ module beamid_stage_fits
       procedure :: is_widened
       procedure :: total
       procedure :: extend
+      procedure :: step_of_rows
       procedure :: shifts
       procedure :: shifted
       procedure :: is_too_coarse
@@ -225,6 +228,40 @@ contains
          if (abs(beyond(k)) > self%half_width(k)) self%statistics%determined(k) = .false.
       end do
    end subroutine extend
+
+   !> Computes the changes of the parameters that some rows of the residuals prefer, by one
+   !> Gauss-Newton step, and their standard errors.
+   !>
+   !> rows        numbers of the rows
+   !> change, sd  (n) of the searched variables; 0 and `unlimited` for parameters without an effect
+   !>             on these rows
+   subroutine step_of_rows(self, rows, change, sd)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: rows(:)
+      real(wp), intent(out) :: change(:), sd(:)
+      real(wp), allocatable :: a(:, :), residual(:), step(:), scales(:)
+      integer, allocatable :: columns(:)
+      type(statistics_t) :: statistics
+      type(error_t), allocatable :: error
+      integer :: i, n, rank
+
+      change = 0
+      sd = unlimited
+      columns = pack([(i, i=1, size(self%quantities))], &
+         [(any(abs(self%jacobian(rows, i)) > 0), i=1, size(self%quantities))])
+      if (size(rows) <= size(columns)) return
+      a = self%jacobian(rows, columns)
+      residual = self%fit%residual(rows)
+      scales = self%quantities(columns)%scale
+      allocate (step(size(columns)))
+      call least_squares_step(a, residual, scales, spread(.true., 1, size(step)), &
+         epsilon(1.0_wp)*size(rows), step, rank)
+      call new_statistics(a, residual + matmul(a, step), scales, scales, statistics, error)
+      if (allocated(error)) return
+      n = count(columns <= size(change))
+      change(columns(:n)) = step(:n)
+      sd(columns(:n)) = statistics%corrected_error(:n)
+   end subroutine step_of_rows
 
    !> Tells whether the mesh shift of quantity k is significant.
    pure logical function shifts(self, k)

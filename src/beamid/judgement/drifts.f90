@@ -10,12 +10,10 @@
 !> Statistics 6, 1979, 65).
 module beamid_drifts
    use beamid_distributions, only: chi_square_tail
-   use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
-   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_stage_fits, only: stage_fit_t
-   use beamid_statistics, only: new_statistics, statistics_t, unlimited
+   use beamid_statistics, only: unlimited
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_window_fits, only: in_window, window_fit_t
    implicit none
@@ -114,14 +112,9 @@ contains
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: k, windows
       real(wp), intent(out) :: change(:), sd(:)
-      real(wp), allocatable :: a(:, :), residual(:), step(:), scales(:)
-      integer, allocatable :: rows(:), columns(:)
-      type(statistics_t) :: statistics
-      type(error_t), allocatable :: error
-      integer :: first, i, n, r, rank
+      integer, allocatable :: rows(:)
+      integer :: first, i, r
 
-      change = 0
-      sd = unlimited
       allocate (rows(0))
       first = 0
       do r = 1, size(experiments)
@@ -130,20 +123,7 @@ contains
             first = first + size(experiments(r)%measured)
          end associate
       end do
-      columns = pack([(i, i=1, size(fit%quantities))], &
-         [(any(abs(fit%jacobian(rows, i)) > 0), i=1, size(fit%quantities))])
-      if (size(rows) <= size(columns)) return
-      a = fit%jacobian(rows, columns)
-      residual = fit%fit%residual(rows)
-      scales = fit%quantities(columns)%scale
-      allocate (step(size(columns)))
-      call least_squares_step(a, residual, scales, spread(.true., 1, size(step)), &
-         epsilon(1.0_wp)*size(rows), step, rank)
-      call new_statistics(a, residual + matmul(a, step), scales, scales, statistics, error)
-      if (allocated(error)) return
-      n = count(columns <= size(change))
-      change(columns(:n)) = step(:n)
-      sd(columns(:n)) = statistics%corrected_error(:n)
+      call fit%step_of_rows(rows, change, sd)
    end subroutine step_in_window
 
    !> Combines the test of parameter k with that of fits in the windows: the smaller probability

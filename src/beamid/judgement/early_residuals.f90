@@ -5,51 +5,57 @@ module beamid_early_residuals
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: fixed, rounded, to_text
    implicit none
    private
 
-   public :: describe_early_residuals, end_of_early_residuals, share_of_modes
+   public :: end_of_early_residuals, extend_to_later, find_early_residuals, share_of_modes
 
 contains
 
-   !> Describes the records whose residuals are much larger in their first samples, unless they are
-   !> errors of the modes that were fitted; '' if there is none.
+   !> Finds the records whose residuals are much larger in their first samples, unless they are
+   !> errors of the modes that were fitted, and describes them. Samples that hold a small share of
+   !> the sum of squares, and hardly move the estimates, do not count.
    !>
    !> experiments  (records)
-   !> residual     rows of the residuals of all records, one record after the other
+   !> fit          of these records
    !> s            (modes, records) roots of the fitted modes [1/time]
-   subroutine describe_early_residuals(experiments, residual, s, text)
+   !> later        (rows) .false. for the first samples of these records
+   !> text         '' if there is no such record
+   subroutine find_early_residuals(experiments, fit, s, later, text)
       type(experiment_t), intent(in) :: experiments(:)
-      real(wp), intent(in) :: residual(:)
+      type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:, :)
+      logical, allocatable, intent(out) :: later(:)
       character(len=:), allocatable, intent(out) :: text
-      !> Share of the first residuals that errors of the fitted modes may explain. Of few samples
-      !> they explain a good part of any oscillation.
-      real(wp), parameter :: most = 0.9_wp
+      !> Least share of the sum of squares of a record, and least change of an estimate in half
+      !> widths of its interval.
+      real(wp), parameter :: least_share = 0.2_wp, least_change = 0.5_wp
       character(len=:), allocatable :: time, times
       real(wp) :: largest, ratio
       integer :: first, k, modes, named, r
+      logical :: matters
 
+      allocate (later(size(fit%residual)), source=.true.)
       text = ''
       times = ''
       largest = 0
       named = 0
       first = 0
+      matters = .false.
       do r = 1, size(experiments)
-         associate (m => size(experiments(r)%measured))
+         associate (m => size(experiments(r)%measured), t => experiments(r)%samples, &
+            residual => fit%residual)
             k = 0
             modes = min(experiments(r)%excitation%modes, size(s, 1))
-            if (modes > 0 .and. size(experiments(r)%samples) == m) then
-               call end_of_early_residuals(experiments(r)%measured, residual(first + 1:first + m), &
-                  k, ratio)
-               if (k > 0) then
-                  if (share_of_modes(experiments(r)%samples(:k - 1), residual(first + 1:first + &
-                     k - 1), s(:modes, r)) > most) k = 0
-               end if
-            end if
+            if (modes > 0 .and. size(t) == m) call end_of_unexplained(t, experiments(r)%measured, &
+               residual(first + 1:first + m), s(:modes, r), k, ratio)
             if (k > 0) then
-               call put_time(experiments(r)%samples, k, time)
+               later(first + 1:first + k - 1) = .false.
+               matters = matters .or. sum(residual(first + 1:first + k - 1)**2) >= &
+                  least_share*sum(residual(first + 1:first + m)**2)
+               call put_time(t, k, time)
                if (named > 0) times = times//', '
                times = times//'t = '//time//' in record '//to_text(r)
                named = named + 1
@@ -58,6 +64,10 @@ contains
             first = first + m
          end associate
       end do
+      if (.not. matters .and. named > 0) matters = any(abs(change_by_leaving(later, fit)) > &
+         least_change*[(fit%half_width(k), k=1, size(fit%free))])
+      if (.not. matters) later = .true.
+      if (.not. matters) named = 0
       select case (named)
       case (0)
          return
@@ -70,7 +80,52 @@ contains
             'large as later: the records hold something there that the fit lacks, such as '// &
             'higher modes. Begin at these times (t_first), and fit again'
       end select
-   end subroutine describe_early_residuals
+   end subroutine find_early_residuals
+
+   !> Extends the total intervals to the estimates without the first samples of `later`, to first
+   !> order.
+   subroutine extend_to_later(later, fit)
+      logical, intent(in) :: later(:)   !< (rows) from `find_early_residuals`
+      type(stage_fit_t), intent(inout) :: fit
+
+      if (.not. all(later)) call fit%extend(change_by_leaving(later, fit))
+   end subroutine extend_to_later
+
+   !> Returns by how much the estimates change, to first order, if samples are left out.
+   function change_by_leaving(kept, fit) result(change)
+      logical, intent(in) :: kept(:)   !< (rows of the records)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), dimension(size(fit%free)) :: change, sd
+      logical :: rows(size(fit%fit%residual))
+      integer :: i
+
+      rows = .true.
+      rows(:size(kept)) = kept
+      call fit%step_of_rows(pack([(i, i=1, size(rows))], rows), change, sd)
+   end function change_by_leaving
+
+   !> Finds the end of residuals that are large at the beginning of a record, as
+   !> `end_of_early_residuals` does, unless errors of the fitted modes explain them.
+   !>
+   !> s  (modes) roots of the fitted modes [1/time]
+   subroutine end_of_unexplained(t, z, residual, s, first, ratio)
+      real(wp), intent(in) :: t(:), z(:), residual(:)
+      complex(wp), intent(in) :: s(:)
+      integer, intent(out) :: first
+      real(wp), intent(out) :: ratio
+      !> Share of the first residuals that errors of the fitted modes may explain, and samples per
+      !> column from which this share is computed: fewer samples would be explained by any columns.
+      real(wp), parameter :: most = 0.9_wp
+      integer, parameter :: per_column = 8
+      real(wp) :: noise
+      integer :: last
+
+      call end_of_early_residuals(t, z, residual, -maxval(s%re), first, ratio)
+      if (first == 0) return
+      last = min(size(t), max(first - 1, 4*per_column*size(s)))
+      noise = norm2(residual(:first - 1))/sqrt(real(first - 1, wp))/ratio
+      if (share_of_modes(t(:last), residual(:last), s, noise) > most) first = 0
+   end subroutine end_of_unexplained
 
    !> Sets a text to the time of sample k, with as many decimals as the step to it needs.
    subroutine put_time(t, k, text)
@@ -84,14 +139,16 @@ contains
       if (text(len(text):) == '.') text = text(:len(text) - 1)
    end subroutine put_time
 
-   !> Returns the share of the sum of squares of residuals that errors of the roots and amplitudes
-   !> of modes explain: combinations of e^(s t) and t e^(s t).
+   !> Returns the share of the sum of squares of residuals, beyond that of noise, that errors of the
+   !> roots and amplitudes of modes explain: combinations of e^(s t) and t e^(s t). Samples behind
+   !> the first residuals tell errors of a slow mode, which would go on, from a short motion.
    !>
    !> t         (m) [time]
    !> residual  (m)
    !> s         (modes) roots [1/time]
-   function share_of_modes(t, residual, s) result(share)
-      real(wp), intent(in) :: t(:), residual(:)
+   !> noise     standard deviation of the noise
+   function share_of_modes(t, residual, s, noise) result(share)
+      real(wp), intent(in) :: t(:), residual(:), noise
       complex(wp), intent(in) :: s(:)
       real(wp) :: share
       real(wp), parameter :: independent = 1e-8_wp   ! of a column that counts as independent
@@ -109,44 +166,60 @@ contains
       end do
       call least_squares_step(basis, residual, 1/max(norm2(basis, dim=1), tiny(share)), &
          spread(.true., 1, size(factor)), independent, factor, rank)
-      share = 1 - sum((residual + matmul(basis, factor))**2)/max(sum(residual**2), tiny(share))
+      associate (all => sum(residual**2), rest => sum((residual + matmul(basis, factor))**2))
+         share = (all - rest - rank*noise**2)/max(all - size(t)*noise**2, tiny(share))
+      end associate
    end function share_of_modes
 
-   !> Finds the sample from which on the residuals of a free decay have their later size.
+   !> Finds the sample from which on the residuals of a free decay have their later size, first with
+   !> blocks of many samples (a 256th of the record, but at least 16), then with blocks of few.
    !>
-   !> The record is divided into short blocks. Its first blocks are conspicuous if
+   !> t         (m) [time]
+   !> z         (m) measured [length/time**2]
+   !> residual  (m) [length/time**2]
+   !> rate      of decay of the slowest mode [1/time]
+   !> first     the sample behind the conspicuous ones; 0: there are none
+   !> ratio     of the residuals before it to those of the second half, as root mean squares
+   subroutine end_of_early_residuals(t, z, residual, rate, first, ratio)
+      real(wp), intent(in) :: t(:), z(:), residual(:), rate
+      integer, intent(out) :: first
+      real(wp), intent(out) :: ratio
+      integer, parameter :: most_blocks = 256, many = 16, few = 4
+
+      call end_of_early_blocks(t, z, residual, rate, max(many, size(z)/most_blocks), first, ratio)
+      if (first == 0) call end_of_early_blocks(t, z, residual, rate, few, first, ratio)
+   end subroutine end_of_early_residuals
+
+   !> Finds this sample with blocks of one length. The first blocks are conspicuous if
    !> - the residuals of the first one are at least five times as large as the median of the second
    !>   half of the record, and those of the others at least three times as large, and at least a
    !>   tenth of those of the first one;
-   !> - they are at most a quarter of the record, and hold at least a fifth of the sum of squares;
+   !> - they are at most a quarter of the record;
    !> - the residuals fall behind them by at least three times the factor by which the cube of the
-   !>   motion falls. (Residuals that follow a power of the motion are errors of a model whose
-   !>   damping or stiffness is constant.) The motion must have begun before: if it is larger behind
-   !>   the first blocks than in them, the window begins with a quiet time, another mistake.
-   !> A block has at least 16 samples, and a record of fewer than 12 blocks is not examined. The
-   !> mean squares of white noise in two such blocks differ much less. The residuals behind the
-   !> first blocks may still be large, because the fit tries to explain all of them; a second fit
-   !> that begins there is judged again.
+   !>   slowest mode falls. (Residuals that follow a power of the motion are errors of a model whose
+   !>   damping or stiffness is constant.) The motion must have begun: if it is much larger later
+   !>   than in the first block, the window begins with a quiet time, another mistake.
+   !> A record of fewer than 12 blocks is not examined. The mean squares of white noise in two
+   !> blocks of four samples or more differ much less. The residuals behind the first blocks may
+   !> still be large, because the fit tries to explain all of them; a second fit that begins there
+   !> is judged again.
    !>
-   !> z         (m) measured [length/time**2]
-   !> residual  (m) [length/time**2]
-   !> first     the sample behind the conspicuous ones; 0: there are none
-   !> ratio     of the residuals before it to those of the second half, as root mean squares
-   subroutine end_of_early_residuals(z, residual, first, ratio)
-      real(wp), intent(in) :: z(:), residual(:)
+   !> length  of a block, in samples; the other arguments as of `end_of_early_residuals`
+   subroutine end_of_early_blocks(t, z, residual, rate, length, first, ratio)
+      real(wp), intent(in) :: t(:), z(:), residual(:), rate
+      integer, intent(in) :: length
       integer, intent(out) :: first
       real(wp), intent(out) :: ratio
-      integer, parameter :: most_blocks = 256, least_samples = 16, least_blocks = 12
+      integer, parameter :: least_blocks = 12
       !> Squares of the ratios above.
       real(wp), parameter :: large = 9, largest = 25, faster = 9, fallen = 0.01_wp
-      real(wp), parameter :: least_share = 0.2_wp, quiet = 0.5_wp
+      real(wp), parameter :: quiet = 0.5_wp
       real(wp), allocatable :: of_residual(:), of_motion(:)
       real(wp) :: level, before, after, fall, mean
-      integer :: length, k, n, next
+      integer :: k, n, next
 
       first = 0
       ratio = 1
-      length = max(least_samples, size(z)/most_blocks)
       n = size(z)/length
       if (n < least_blocks) return
       mean = sum(z)/size(z)
@@ -159,14 +232,14 @@ contains
       if (.not. of_residual(1) > largest*level) return
       k = findloc(of_residual > max(large*level, fallen*of_residual(1)), .false., dim=1) - 1
       if (k < 1 .or. 4*k > n) return
-      if (sum(of_residual(:k)) < least_share*sum(of_residual)) return
       next = k + max(k, 4)
       before = sum(of_residual(:k))/k
-      fall = maxval(of_motion(k + 1:next))/maxval(of_motion(:k))
+      if (quiet*maxval(of_motion(:next)) > of_motion(1)) return
+      fall = exp(-rate*(t(k*length + 1) - t(1)))
       after = sum(of_residual(k + 1:next))/(next - k)
-      if (fall > 1/quiet .or. faster*after > before*fall**6) return
+      if (faster*after > before*fall**6) return
       first = k*length + 1
       ratio = sqrt(before/level)
-   end subroutine end_of_early_residuals
+   end subroutine end_of_early_blocks
 
 end module beamid_early_residuals

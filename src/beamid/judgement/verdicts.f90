@@ -1,7 +1,7 @@
 !> Judges a fit: the share of each record that it explains, which modes the records show, and
 !> whether a parameter is determined only by modes that no record shows.
 module beamid_verdicts
-   use beamid_early_residuals, only: describe_early_residuals
+   use beamid_early_residuals, only: find_early_residuals
    use beamid_equations, only: new_equations, equations_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
@@ -33,6 +33,8 @@ module beamid_verdicts
       character(len=:), allocatable :: caution
       !> until when a record contains more than the modes of the fit; '': no record does
       character(len=:), allocatable :: early
+      !> (rows of the residuals) .false. for those until then
+      logical, allocatable :: later(:)
       !> modes at whose frequencies the fit leaves a spectral line, as lists; '': none. missed: the
       !> record shows a decaying oscillation of another frequency or rate than the model.
       !> departures: all others
@@ -87,6 +89,7 @@ contains
       if (allocated(error)) return
       allocate (verdict%qualities(size(experiments)), verdict%sightings(0), &
          verdict%lost(size(fit%free)), departing(size(s, 1)))
+      allocate (verdict%later(size(fit%residual)), source=.true.)
       verdict%lost = .false.
       verdict%departures = ''
       verdict%missed = ''
@@ -120,8 +123,8 @@ contains
          if (size(limits) > 1) verdict%caution = verdict%caution//'record '//to_text(r)
       end if
       verdict%early = ''
-      if (verdict%departures == '' .and. verdict%missed == '') call describe_early_residuals( &
-         experiments, fit%residual, s, verdict%early)
+      if (verdict%departures == '' .and. verdict%missed == '') call find_early_residuals( &
+         experiments, fit, s, verdict%later, verdict%early)
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)

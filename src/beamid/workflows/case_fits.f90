@@ -5,13 +5,14 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_damage_regions, only: judge_shape_of_dip
    use beamid_drifts, only: default_windows, drift_t, find_drifts
+   use beamid_early_residuals, only: extend_to_later
    use beamid_errors, only: error_t, failure, locate, status_failed
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
    use beamid_harmonics, only: test_harmonics
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
-   use beamid_input_checks, only: check_input, describe_causes, describe_scale
+   use beamid_input_checks, only: add_causes, check_input, describe_scale
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -82,7 +83,6 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
       type(mesh_t), allocatable :: meshes(:)
-      character(len=:), allocatable :: causes
 
       ! A copy, because find_fits must not change part of the case that it reads.
       meshes = case%meshes
@@ -92,10 +92,8 @@ contains
       if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
          found%expected, found%fits, error)
       if (allocated(error)) then
-         if (error%status == status_failed) then
-            call describe_causes(case, found%experiments, found%notes, causes)
-            if (causes /= '') error%message = error%message//'; '//causes
-         end if
+         if (error%status == status_failed) call add_causes(case, found%experiments, &
+            found%notes, error%message)
       end if
       call locate(error, case%path)
       call check_interrupt(error)
@@ -214,8 +212,6 @@ contains
       !> Adds the effect of the mesh, the errors of fixed parameters and the verdict to the last
       !> stage.
       subroutine judge_fit()
-         character(len=:), allocatable :: causes
-
          call add_mesh_shifts(case, found, error, monitor)
          if (allocated(error)) return
          associate (mesh => case%meshes(size(case%meshes)), &
@@ -223,10 +219,9 @@ contains
             call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
             call new_verdict(found%experiments, mesh, last, found%verdict, error)
             if (.not. allocated(error)) then
-               if (found%verdict%no_fit /= '') then
-                  call describe_causes(case, found%experiments, found%notes, causes)
-                  if (causes /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//causes
-               end if
+               call extend_to_later(found%verdict%later, last)
+               if (found%verdict%no_fit /= '') &
+                  call add_causes(case, found%experiments, found%notes, found%verdict%no_fit)
                if (found%verdict%caution == '') &
                   found%verdict%caution = implausible(case%model%structure, last)
                if (found%verdict%caution//found%verdict%no_fit /= '') &
@@ -385,7 +380,8 @@ contains
          end do
          k = maxloc(found%tests%decrease, dim=1, mask=found%tests%rejects)
          if (k == 0) return
-         if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most) &
+         if (found%verdict%no_fit /= '' .and. found%tests(k)%decrease > most .and. &
+            index(found%verdict%no_fit, found%tests(k)%remedy()) == 0) &
             found%verdict%no_fit = found%verdict%no_fit//'; with '//trim(found%tests(k)%name)// &
             ' = '//rounded(found%tests(k)%value, 3)//', the weighted sum of squares falls by '// &
             rounded(100*found%tests(k)%decrease, 3)//' %: '//found%tests(k)%remedy()

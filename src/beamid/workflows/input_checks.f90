@@ -19,7 +19,7 @@ module beamid_input_checks
    implicit none
    private
 
-   public :: check_input, check_units, describe_causes, describe_scale, find_frequencies, &
+   public :: add_causes, check_input, check_units, describe_scale, find_frequencies, &
       leave_out_lead_in
 
    !> Ratio of frequencies that ordinary errors of E and masses explain.
@@ -115,25 +115,23 @@ contains
       text = trim(rounded(frequency, 4)//' '//case%units%frequency())
    end function with_unit
 
-   !> Describes which mistakes in the input may be the cause of a fit that fails: the warnings of
-   !> the records, and a first natural frequency that is far from the record's; '': none is known.
-   subroutine describe_causes(case, experiments, notes, text)
+   !> Adds to a text which mistakes in the input may be the cause of a fit that fails: the warnings
+   !> of the records, and a first natural frequency that is far from the record's.
+   subroutine add_causes(case, experiments, notes, text)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       character(len=*), intent(in) :: notes(:)
-      character(len=:), allocatable, intent(out) :: text
+      character(len=:), allocatable, intent(inout) :: text
       character(len=:), allocatable :: scale
       integer :: k
 
-      text = ''
       do k = 1, size(notes)
          if (index(notes(k), 'warning: ') == 1) text = text//'; '// &
             trim(notes(k)(len('warning: ') + 1:))
       end do
       call describe_scale(case, experiments, scale)
       if (scale /= '') text = text//'; '//scale
-      text = text(min(3, len(text) + 1):)
-   end subroutine describe_causes
+   end subroutine add_causes
 
    !> Describes by how much the strongest spectral line of a free decay is away from the first
    !> natural frequency of the model; '': by no more than ordinary errors explain.
