@@ -8,7 +8,7 @@ module beamid_manual
    use beamid_help_pages, only: help_page_t
    use beamid_key_help, only: add_group_list, add_help_on, add_see_also, known_words
    use beamid_manual_page, only: add_page, purpose
-   use beamid_see_also, only: a_command
+   use beamid_see_also, only: a_command, an_everyday_word, is_everyday_word
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower
    use beamid_terminal, only: page_width, print_text
@@ -46,6 +46,7 @@ contains
          case ('man'); call add_page(page)
          case ('bash'); call add_bash(page)
          case ('zsh'); call add_zsh(page)
+         case ('exit', 'status', 'exit status'); call add_exit_status(page)
          case default; call add_word(page, trim(words(k)), error)
          end select
          if (allocated(error)) return
@@ -80,9 +81,16 @@ contains
          'help t_first'' explains one key.')
       call add_group_list(page)
       call page%line()
+      call add_exit_status(page)
+   end subroutine add_overview
+
+   !> Adds what the exit status of the program means.
+   subroutine add_exit_status(page)
+      type(help_page_t), intent(inout) :: page
+
       call page%paragraph(0, 'Exit status: 0 done, 1 the computation failed, 2 bad input; '// &
          'after Ctrl-C that of the signal.')
-   end subroutine add_overview
+   end subroutine add_exit_status
 
    !> Adds the help on a command.
    subroutine add_command(page, command)
@@ -121,6 +129,11 @@ contains
       end do
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), page, found)
       if (found) return
+      if (is_everyday_word(lower(word))) then
+         call page%paragraph(0, word//' is the name of no key')
+         call add_see_also(page, an_everyday_word, lower(word), fact_column)
+         return
+      end if
       call known_words(words)
       ! gfortran 12 makes the result of an array constructor with a function in it too short.
       allocate (all_words(size(commands) + size(words)))

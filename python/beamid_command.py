@@ -8,6 +8,7 @@ program starts at once.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -74,6 +75,9 @@ def plot(words: list[str]) -> int:
 
 def main() -> int:
     """Runs the command in `sys.argv`, and returns the exit status."""
+    if os.name == "posix":
+        # `beamid help | head` ends without a traceback.
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     words = sys.argv[1:]
     if len(words) > 1 and words[0] == "help" and words[1] in ("report", "plot", "to-csv",
                                                               "studio"):

@@ -50,7 +50,11 @@ def need(*modules):
             importlib.import_module(module)
     except ImportError as missing:
         if not IN_CHECKOUT:
-            fail(f"no module {missing.name}; install it by {pip_install(*modules)}", 1)
+            if {"-h", "--help"} & set(sys.argv[1:]):
+                print(sys.modules["__main__"].__doc__)
+            if "matplotlib" in modules or "plotly" in modules:
+                modules = "numpy", "matplotlib", "plotly"
+            fail(f"no module {missing.name}; install what is missing by {pip_install(*modules)}", 1)
         wanted = ["packages", *modules] if "scipy" in modules else ["pictures"]
         if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
             fail(f"no module {missing.name} in .venv; run scripts/setup.sh {' '.join(wanted)}", 1)

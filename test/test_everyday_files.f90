@@ -51,8 +51,8 @@ contains
       call read_as('phyphox: in lower case', phyphox, 'time (S)', 'acceleration Z')
       call read_as('phyphox: by number', phyphox, '1', '4')
       call load(phyphox, scratch)
-      call check('phyphox: the default is said', any(notes == 'column 2 (''Acceleration x '// &
-         '(m/s^2)'') of 5 is the record: value_column names another'))
+      call check('phyphox: the default is said', any(notes == 'warning: column 2 '// &
+         '(''Acceleration x (m/s^2)'') of 5 is the record: value_column names another'))
       call refused('a sensor that has no value', replaced(phyphox, '4.000000000E0', 'NaN'), &
          'record.csv:4: column 4 (''Acceleration z (m/s^2)''): found ''NaN'', expected a number', &
          '', column)

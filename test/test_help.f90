@@ -151,6 +151,12 @@ contains
          call check(trim(commands(k))//' --help', same_as(trim(commands(k))//' --help', &
             outcome%out))
       end do
+      outcome = beamid('help clamp')
+      call check('a word of the field leads to keys', outcome%status == 0 .and. index(outcome%out, &
+         'beamid help k_R end support') > 0, outcome%out)
+      outcome = beamid('help status')
+      call check('the exit status', outcome%status == 0 .and. index(outcome%out, &
+         '2 bad input') > 0, outcome%out)
       call refused_command('help lenght', 'found lenght|perhaps length')
       call refused_command('help xyzzy', 'found xyzzy|expected a command', outcome)
       call check('far from all', index(outcome%err, 'perhaps') == 0)

@@ -11,7 +11,8 @@ program test_key_examples
       unit_of
    use beamid_key_help, only: known_words, symbol_of
    use beamid_parameters, only: parameters
-   use beamid_see_also, only: a_command, a_group, a_parameter, related_words, see_also
+   use beamid_see_also, only: a_command, a_group, a_parameter, an_everyday_word, &
+      related_words, see_also
    use beamid_strings, only: lower
    use beamid_values, only: key_t, kind_real
    use checks, only: check, finish, skip
@@ -177,8 +178,11 @@ contains
       call check('see also: parameters', related_words(a_parameter, 'E') == 'free prior')
       do n = 1, size(see_also)
          left = trim(see_also(n)%words)//' '
-         if (see_also(n)%of /= a_command) call check('see also: a topic, '//see_also(n)%topic, &
-            any(words == see_also(n)%topic))
+         if (all(see_also(n)%of /= [character(len=13) :: a_command, an_everyday_word])) &
+            call check('see also: a topic, '//see_also(n)%topic, any(words == see_also(n)%topic))
+         ! `help` asks for everyday words only if there is no topic of this name.
+         if (see_also(n)%of == an_everyday_word) call check('everyday word: '//see_also(n)%topic, &
+            all(words /= see_also(n)%topic))
          do while (left /= '')
             space = index(left, ' ')
             call check('see also: '//left(:space - 1), any([(lower(trim(words(k))) == &

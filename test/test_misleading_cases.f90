@@ -170,8 +170,8 @@ contains
          what = 'sensor at the tip'//at_tip(k)
          case = replaced(ruler_case, ', x_S=0.28', trim(at_tip(k)))
          answer = identified(case)
-         call check(what//': the first lines name x_S', has_all(answer%head, 'x_S, which the '// &
-            'model leaves out, is significant|add ''x_S'' to free'), answer%err//answer%head)
+         call check(what//': the first lines name x_S', has_all(answer%head, 'x_S, which is '// &
+            'fixed, is significant|add ''x_S'' to free'), answer%err//answer%head)
          call check(what//': the interval of E holds the truth', answer%holds('E', ruler%E))
          answer = identified(replaced(case, '''gamma''', '''gamma'',''x_S'''))
          call check(what//', free: found', answer%holds('x_S', ruler%x_S) .and. &

@@ -62,7 +62,9 @@ contains
 
       call block%get('parameter', name, 'name of the parameter that the prior is about', &
          required=.true.)
-      call block%get('sd', found%sd, 'standard deviation of the prior', positive, required=.true.)
+      call block%get('sd', found%sd, 'standard deviation of the prior; '// &
+         'for a tolerance of +-a within which all values are equally likely, it is 0.6 a', &
+         positive, required=.true.)
       call block%get('value', found%value, 'the value of the case', 'mean of the prior')
       call block%get('record', found%record, 'number of the record that this prior applies to', &
          range_t(1, huge(1)), default='all records, with one common error')

@@ -4,15 +4,16 @@ module beamid_see_also
    implicit none
    private
 
-   public :: related_t, related_words, see_also
+   public :: is_everyday_word, related_t, related_words, see_also
 
    !> Kinds of topics with a row of their own, beside the keys of a group.
    character(len=*), parameter, public :: a_command = 'command', a_group = 'group', &
-      a_parameter = 'parameter'
+      a_parameter = 'parameter', an_everyday_word = 'everyday word'
 
    !> One row: a topic and the words that `beamid help` understands.
    type :: related_t
-      !> `a_command`, `a_group`, or the name of the group of a key; blank: a key of any group.
+      !> `a_command`, `a_group`, `an_everyday_word`, or the name of the group of a key; blank: a key
+      !> of any group.
       character(len=14) :: of
       character(len=18) :: topic
       character(len=56) :: words
@@ -147,15 +148,49 @@ module beamid_see_also
       related_t('', 'noise_sd', 'noise'), &
       related_t('', 'cases', 'ensemble')]
 
+   !> Words that name no topic, but that users look up.
+   type(related_t), parameter :: everyday_rows(*) = [ &
+      related_t(an_everyday_word, 'clamp', 'k_R end support'), &
+      related_t(an_everyday_word, 'boundary', 'end k_R support'), &
+      related_t(an_everyday_word, 'spring', 'k_P k_R end'), &
+      related_t(an_everyday_word, 'thickness', 'height'), &
+      related_t(an_everyday_word, 'young', 'E'), &
+      related_t(an_everyday_word, 'youngs', 'E'), &
+      related_t(an_everyday_word, 'modulus', 'E'), &
+      related_t(an_everyday_word, 'stiffness', 'E k_R k_P'), &
+      related_t(an_everyday_word, 'damping', 'c_D gamma eta d_1 a_h'), &
+      related_t(an_everyday_word, 'air', 'gamma'), &
+      related_t(an_everyday_word, 'accelerometer', 'sensor m_S x_S'), &
+      related_t(an_everyday_word, 'absorber', 'hose'), &
+      related_t(an_everyday_word, 'crack', 'along'), &
+      related_t(an_everyday_word, 'damage', 'along'), &
+      related_t(an_everyday_word, 'mesh', 'elements degree'), &
+      related_t(an_everyday_word, 'hammer', 'excitation frf'), &
+      related_t(an_everyday_word, 'impact', 'excitation frf'), &
+      related_t(an_everyday_word, 'shaker', 'excitation frf'), &
+      related_t(an_everyday_word, 'tolerance', 'sd prior'), &
+      related_t(an_everyday_word, 'uncertainty', 'prior sd profile'), &
+      related_t(an_everyday_word, 'interval', 'profile sample bootstrap prior'), &
+      related_t(an_everyday_word, 'frequency', 'modes frf'), &
+      related_t(an_everyday_word, 'unit', 'units scale')]
+
    !> The table.
-   type(related_t), parameter :: see_also(*) = [command_rows, group_rows, key_rows]
+   type(related_t), parameter :: see_also(*) = [command_rows, group_rows, key_rows, everyday_rows]
 
 contains
+
+   !> Tells whether a word names no topic, but leads to others.
+   pure logical function is_everyday_word(word)
+      character(len=*), intent(in) :: word
+
+      is_everyday_word = any(see_also%of == an_everyday_word .and. see_also%topic == word)
+   end function is_everyday_word
 
    !> Returns the words related to a topic, separated by blanks; '' if there are none. The group of
    !> a key, and `free` for a parameter, are among the words.
    !>
-   !> of     `a_command`, `a_group`, `a_parameter`, or the name of the group of a key
+   !> of     `a_command`, `a_group`, `a_parameter`, `an_everyday_word`, or the name of the group of
+   !>        a key
    !> topic  name of the command, group, key or parameter
    pure function related_words(of, topic) result(words)
       character(len=*), intent(in) :: of, topic
@@ -163,7 +198,8 @@ contains
       logical :: is_key
       integer :: k
 
-      is_key = all(of /= [character(len=9) :: a_command, a_group, a_parameter])
+      is_key = all(of /= [character(len=13) :: a_command, a_group, a_parameter, &
+         an_everyday_word])
       words = ''
       do k = 1, size(see_also)
          if (see_also(k)%topic /= topic) cycle

@@ -159,8 +159,8 @@ contains
          if (allocated(columns%clock)) call add_note(notes, 'time stamps: t is in seconds from '// &
             columns%clock)
          if (columns%count > 2 .and. recording%value_column == '') call add_note(notes, &
-            'column '//to_text(columns%places(2))//' ('//shown(trim(columns%names(2)))//') of '// &
-            to_text(columns%count)//' is the record: value_column names another')
+            'warning: column '//to_text(columns%places(2))//' ('//shown(trim(columns%names(2)))// &
+            ') of '//to_text(columns%count)//' is the record: value_column names another')
       end subroutine note_columns
 
       !> Finds the samples at the sensor's limit, and refuses a window without other samples.

@@ -85,14 +85,15 @@ contains
          real(wp) :: U, probability
          character(len=:), allocatable :: verdict
          integer :: i, j, restrictions
+         logical :: any_nested
 
+         any_nested = .false.
          call table%line('restricted,full,restrictions,U,probability')
-         call text%line()
-         call text%line('Nested pairs: U = '//trim(merge('J_restricted - J_full           ', &
-            'm (J_restricted - J_full)/J_full', criteria%noise_is_known))//' against chi-square')
          do i = 1, size(models)
             do j = 1, size(models)
                if (.not. is_nested(models(i), models(j))) cycle
+               if (.not. any_nested) call add_heading()
+               any_nested = .true.
                restrictions = models(j)%unknowns() - models(i)%unknowns()
                call nested_test(criteria%J(i), criteria%J(j), criteria%samples, restrictions, U, &
                   probability, criteria%noise_is_known)
@@ -111,6 +112,12 @@ contains
          end do
          call output%add('nested.csv', table%content())
       end subroutine add_nested
+
+      subroutine add_heading()
+         call text%line()
+         call text%line('Nested pairs: U = '//trim(merge('J_restricted - J_full           ', &
+            'm (J_restricted - J_full)/J_full', criteria%noise_is_known))//' against chi-square')
+      end subroutine add_heading
 
    end subroutine report_comparison
 

@@ -50,8 +50,10 @@ contains
                   ' times its frequency, '//trim(rounded(one%value, 4)//' '// &
                   case%units%frequency())//'): with it,'
             case default
-               line = trim(one%name)//', which the model leaves out, '//trim(merge( &
-                  'is significant     ', 'may matter as well ', one%rejects))//': with '// &
+               line = trim(one%name)//trim(merge(', which is fixed,            ', &
+                  ', which the model leaves out,', abs(fit%scenario%structures(1)%get( &
+                  one%parameter)) > 0))//' '//trim(merge('is significant     ', &
+                  'may matter as well ', one%rejects))//': with '// &
                   trim(one%name)//' = '//trim(rounded(one%value, 3)//' '// &
                   case%units%of_quantity(one%parameter, fit%scenario%excitations(1)))//','
             end select

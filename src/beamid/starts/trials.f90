@@ -150,7 +150,8 @@ contains
             beliefs(k)%centre))/beliefs(k)%width
          if (abs(deviation) <= accepted_range(beliefs(k))) cycle
          trial%objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
-            ' is far from the value of the case or its prior, '//to_text(beliefs(k)%centre)
+            ' is far from the value of the case or its prior, '//to_text(beliefs(k)%centre)// &
+            ' (if that is a guess, set it near the estimate)'
          return
       end do
    end subroutine object

@@ -182,7 +182,7 @@ contains
             return
          end select
          if (has_free_amplitude()) then
-            call add_note(notes, 'the column is in '//trim(unit%text)//', but scale = '// &
+            call add_note(notes, 'warning: the column is in '//trim(unit%text)//', but scale = '// &
                to_text(case%recordings(k)%scale)//' (expected '//expected// &
                '): check scale; only amplitudes, the offset and J depend on it')
          else

@@ -61,7 +61,7 @@ module beamid_templates
       '', &
       '&record', &
       '   file=''record.csv''              ! columns of times and measured values', &
-      '   ! value_column=''acceleration''  ! name or number of the column; default: the second', &
+      '   ! value_column=''acceleration''  ! name or number (''2''); default: the second column', &
       '   scale=1                        ! acceleration = scale (value - offset); default: 1', &
       '   offset=0                       ! value at zero acceleration; if free: its start value']
 
@@ -80,7 +80,7 @@ module beamid_templates
       '! with the parameters. Start values come from the spectral lines of the record.', &
       '&excitation  kind=''free'', modes=3 /', &
       record_keys, &
-      '   ! t_first=0.2                  ! first time that is used; default: start of the motion', &
+      '   ! t_first=0.2                  ! first time that is used, after the release', &
       '/', &
       '', &
       '! Add ''offset'' if the sensor reads gravity or has an offset, as that of a phone.', &
@@ -157,7 +157,7 @@ module beamid_templates
       '', &
       '&record', &
       '   file=''record.csv''              ! columns of times and sound', &
-      '   value_column=''sound''           ! name or number of the column; default: the second', &
+      '   value_column=''sound''           ! name or number (''2''); default: the second column', &
       '   t_first=0.1                    ! the higher modes have decayed', &
       '/', &
       '', &
