@@ -150,8 +150,8 @@ contains
          character(len=*), intent(inout) :: column
          character(len=:), allocatable :: name
 
-         call block%get(key, name, 'name (upper or lower case) or number, in quotes, of the column '// &
-            'with the '//content, default=default)
+         call block%get(key, name, 'name (upper or lower case) or number, in quotes, of the '// &
+            'column with the '//content, default=default)
          if (.not. allocated(name)) return
          if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, &
             shown(name), 'the name of a column, of at most '//to_text(len(column))// &
