@@ -32,6 +32,7 @@ program test_free_start
 
    call test_formulas()
    call test_iterations()
+   call test_long_record()
    call test_two_records()
    call test_nothing_shared()
    call test_later_clock()
@@ -59,6 +60,37 @@ contains
             stage_for(names, 1))
       end do
    end subroutine test_formulas
+
+   !> The trial fits of a record of 60,000 samples use a part of it. The fit that follows uses all,
+   !> and ends where a fit from the stated start values does.
+   subroutine test_long_record()
+      integer, parameter :: m = 60000
+      type(experiment_t) :: record
+      type(stage_fit_t), allocatable :: stated(:), automatic(:)
+      type(error_t), allocatable :: error
+      type(stage_t) :: stage
+      integer :: k
+
+      record = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), &
+         0.5_wp + 2e-4_wp*[(k, k=0, m - 1)])
+      record = noisy(record, gaussian_noise(m, noise_of(record), 71))
+      stage = stage_for(names, 1)
+      call identify(model_of(truth, new_free(2), formulas(3)), mesh, [stage], [record], stated, &
+         error)
+      if (.not. allocated(error)) then
+         deallocate (stage%start)
+         stage%automatic = .true.
+         call identify(model_of(truth, new_free(2), formulas(3)), mesh, [stage], [record], &
+            automatic, error)
+      end if
+      call check('a long record: the fits converge', .not. allocated(error))
+      if (allocated(error)) return
+      call check('a long record: every sample counts', automatic(1)%statistics%samples == m)
+      ! The searches end when a step is below 1e-8 of the estimates or better.
+      call check_close('a long record: the estimates', maxval(abs(automatic(1)%fit%estimate &
+         - stated(1)%fit%estimate)/stated(1)%statistics%std_error(:size(stage%free))), 0.0_wp, &
+         1e-3_wp)
+   end subroutine test_long_record
 
    !> Two beams cut from one strip, the sensors not quite alike: E, c_D and gamma in common.
    subroutine test_two_records()

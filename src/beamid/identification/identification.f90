@@ -6,6 +6,7 @@ module beamid_identification
    use beamid_criteria, only: misfit_of_records
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
+   use beamid_frequency_checks, only: check_frequencies
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -16,7 +17,6 @@ module beamid_identification
    use beamid_smooth_fits, only: misfit_of
    use beamid_stage_fits, only: stage_fit_t
    use beamid_stages, only: run_stage
-   use beamid_starts, only: check_frequencies
    use beamid_strings, only: to_text
    use beamid_unknowns, only: quantity_t, stage_t, scenario_t
    use beamid_verification, only: exact_counterpart

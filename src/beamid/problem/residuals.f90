@@ -23,7 +23,7 @@ module beamid_residuals
    implicit none
    private
 
-   public :: residual_t, new_residuals
+   public :: kept_t, residual_t, new_residuals
 
    !> Largest number of samples of a record at which exact derivatives are all compared with
    !> differences. Of a longer record, every k-th run of neighbours is compared, with the smallest k
@@ -47,6 +47,8 @@ module beamid_residuals
       procedure :: beginning
       procedure :: copy_to
       procedure :: check_sample
+      procedure :: thin
+      procedure :: restore
       procedure, private :: has_long_record
    end type residual_t
 
@@ -127,35 +129,55 @@ contains
       real(wp), allocatable, intent(out) :: worst
       integer, intent(out) :: mistaken
       logical, intent(out) :: is_done
-      type(kept_t) :: kept(size(self%parts))
+      type(kept_t), allocatable :: kept(:)
       type(error_t), allocatable :: error
       real(wp), allocatable :: r(:), jac(:, :)
-      logical :: taken(size(self%parts))
-      integer :: i
 
       mistaken = 0
-      is_done = any([(size(self%parts(i)%observed%measured) > checked_samples, &
-         i=1, size(self%parts))])
-      if (.not. is_done) return
       ! The data are exchanged, so that the solvers continue from the same points as if all
       ! residuals were compared.
-      do i = 1, size(kept)
-         call move_alloc(self%parts(i)%observed, kept(i)%observed)
-         allocate (self%parts(i)%observed, source=kept(i)%observed)
-         call self%parts(i)%observed%keep_sample(checked_samples, taken(i))
-      end do
-      is_done = any(taken)
+      call self%thin(checked_samples, kept)
+      is_done = size(kept) > 0
       if (is_done) then
          allocate (r(self%rows()), jac(self%rows(), size(parameters)))
          call self%jacobian(parameters, r, jac, error)
          is_done = .not. allocated(error)
          if (is_done) call compare_derivatives(self, parameters, variables, jac, worst, mistaken)
       end if
+      call self%restore(kept)
+   end subroutine check_sample
+
+   !> Lets some samples stand in for each long time record, as `keep_sample` chooses them.
+   !>
+   !> most  number of samples from which on a record is long
+   !> kept  the data of all parts, for `restore`; of size 0 if no record is long
+   subroutine thin(self, most, kept)
+      class(residual_t), intent(inout) :: self
+      integer, intent(in) :: most
+      type(kept_t), allocatable, intent(out) :: kept(:)
+      logical :: taken(size(self%parts))
+      integer :: i
+
+      allocate (kept(merge(size(taken), 0, any([(size(self%parts(i)%observed%measured) > most, &
+         i=1, size(taken))]))))
+      do i = 1, size(kept)
+         call move_alloc(self%parts(i)%observed, kept(i)%observed)
+         allocate (self%parts(i)%observed, source=kept(i)%observed)
+         call self%parts(i)%observed%keep_sample(most, taken(i))
+      end do
+   end subroutine thin
+
+   !> Puts back what `thin` has kept.
+   subroutine restore(self, kept)
+      class(residual_t), intent(inout) :: self
+      type(kept_t), intent(inout) :: kept(:)
+      integer :: i
+
       do i = 1, size(kept)
          deallocate (self%parts(i)%observed)
          call move_alloc(kept(i)%observed, self%parts(i)%observed)
       end do
-   end subroutine check_sample
+   end subroutine restore
 
    !> Computes the residuals (rows) at trial values of the parameters (n).
    subroutine residuals(self, parameters, r, error)
@@ -168,8 +190,7 @@ contains
       call self%evaluate(parameters, r, none, error)
    end subroutine residuals
 
-   !> Computes the residuals (rows) and their derivatives (rows, n) at trial values of the
-   !> parameters.
+   !> Computes the residuals (rows) and their derivatives (rows, n) at trial values (n).
    subroutine jacobian(self, parameters, r, jac, error)
       class(residual_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)

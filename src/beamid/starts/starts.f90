@@ -7,23 +7,22 @@
 module beamid_starts
    use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
-   use beamid_errors, only: bad_input, error_t, failure
+   use beamid_errors, only: error_t, failure
    use beamid_fit_setups, only: set_free
    use beamid_kinds, only: two_pi, wp
    use beamid_least_squares, only: options_t
    use beamid_model_roots, only: damps, model_roots
-   use beamid_residuals, only: residual_t
-   use beamid_spectra, only: strongest_peak
+   use beamid_residuals, only: kept_t, residual_t
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, &
       list_rivals, new_choice, rival_t, try_equal_frequencies
    use beamid_start_notes, only: describe_fixed, describe_unknowable
-   use beamid_strings, only: rounded, to_text
+   use beamid_strings, only: to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
    implicit none
    private
 
-   public :: automatic_start, check_frequencies, findings_t
+   public :: automatic_start, findings_t
 
    !> What the search for start values has found out beside start values; '': nothing.
    type :: findings_t
@@ -38,6 +37,9 @@ module beamid_starts
    !> Number of modes that are matched if the initial state of the motion is known, and largest
    !> number of spectral lines of a record.
    integer, parameter :: usual_modes = 2, most_lines = 12
+   !> Number of samples of a record that trial fits use at most: runs of neighbours from the whole
+   !> record. The fit that follows uses all samples.
+   integer, parameter :: most_samples = 32768
 
 contains
 
@@ -58,12 +60,9 @@ contains
       type(options_t), intent(in) :: options
       type(findings_t), intent(inout) :: findings
       type(error_t), allocatable, intent(out) :: error
-      type(choice_t) :: full, fewer
       type(lines_t), allocatable :: lines(:)
-      type(stage_t) :: searched
-      type(quantity_t), allocatable :: asked(:)
-      logical, allocatable :: undetermined(:), unknowable(:), is_damping(:)
-      integer :: modes, needed
+      type(kept_t), allocatable :: kept(:)
+      integer :: modes, rows
       logical :: is_free_motion
 
       if (.not. problem%exact) then
@@ -74,13 +73,43 @@ contains
       modes = usual_modes
       if (is_free_motion) modes = minval(problem%scenario%excitations%modes)
       call lines_of_records(problem, modes, lines, error)
-      if (.not. allocated(error)) call new_choice(problem, stage, modes, full, error)
+      if (.not. allocated(error)) then
+         rows = problem%rows()
+         call problem%thin(most_samples, kept)
+         call find_start(problem, stage, options, lines, modes, is_free_motion, rows, findings, &
+            error)
+         call problem%restore(kept)
+         if (.not. allocated(error)) call set_free(problem, stage)
+      end if
+      if (allocated(error)) error%message = 'start values: '//error%message
+   end subroutine automatic_start
+
+   !> Finds the start values, once the spectral lines are known.
+   !>
+   !> lines   (records) spectral lines
+   !> modes   number of modes of the model
+   !> rows    number of rows of the problem before it was thinned
+   !> others  as of `automatic_start`
+   subroutine find_start(problem, stage, options, lines, modes, is_free_motion, rows, findings, &
+      error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(inout) :: stage
+      type(options_t), intent(in) :: options
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: modes, rows
+      logical, intent(in) :: is_free_motion
+      type(findings_t), intent(inout) :: findings
+      type(error_t), allocatable, intent(out) :: error
+      type(choice_t) :: full, fewer
+      type(stage_t) :: searched
+      type(quantity_t), allocatable :: asked(:)
+      logical, allocatable :: undetermined(:), unknowable(:), is_damping(:)
+      integer :: needed
+
+      call new_choice(problem, stage, modes, full, error)
       if (.not. allocated(error)) call needed_modes(problem, full, stage%rejected_mode, needed, &
          undetermined, unknowable, is_damping, error)
-      if (allocated(error)) then
-         error%message = 'start values: '//error%message
-         return
-      end if
+      if (allocated(error)) return
       asked = full%quantities
       searched = stage
       if (is_free_motion) call leave_unknowable(problem, unknowable, modes, searched, &
@@ -90,10 +119,7 @@ contains
       if (is_free_motion) call look_for_others(problem, full, lines, needed, undetermined, &
          is_damping, stage%is_whole, options, fewer)
       call full%list_rejections(findings%rejections)
-      if (allocated(error) .and. .not. fewer%best > 0) then
-         error%message = 'start values: '//error%message
-         return
-      end if
+      if (allocated(error) .and. .not. fewer%best > 0) return
       if (allocated(error)) deallocate (error)
       if (full%best == 0 .and. fewer%best > 0) then
          stage = fewer%stage
@@ -101,15 +127,14 @@ contains
          call describe_fixed(problem, asked, full, fewer, needed, stage%rejected_mode, &
             findings%note)
       else if (size(full%trials) == 0) then
-         call failure(error, 'start values: no fit without mode '//to_text(needed)// &
+         call failure(error, 'no fit without mode '//to_text(needed)// &
             ' converges; give start values, or free fewer parameters')
          return
       else
          stage = searched
-         call take_best(problem, full, is_free_motion, asked, findings)
+         call take_best(problem, full, is_free_motion, rows, asked, findings)
       end if
-      call set_free(problem, stage)
-   end subroutine automatic_start
+   end subroutine find_start
 
    !> Leaves out the parameters that no record tells anything about, if it tells of others.
    !>
@@ -164,11 +189,13 @@ contains
    !> least J, with a doubt if the motion is free.
    !>
    !> choice  of trial fits with all parameters
+   !> rows    as of `find_start`
    !> asked   quantities of the stage, before parameters were left out
-   subroutine take_best(problem, choice, is_free_motion, asked, findings)
+   subroutine take_best(problem, choice, is_free_motion, rows, asked, findings)
       type(residual_t), intent(inout) :: problem
       type(choice_t), intent(in) :: choice
       logical, intent(in) :: is_free_motion
+      integer, intent(in) :: rows
       type(quantity_t), intent(in) :: asked(:)
       type(findings_t), intent(inout) :: findings
       integer :: k
@@ -180,7 +207,8 @@ contains
       end if
       problem%scenario = choice%trials(k)%start
       call describe_unknowable(problem, asked, choice, findings%note)
-      if (findings%doubt == '') call list_rivals(choice, k, findings%rivals)
+      if (findings%doubt == '') call list_rivals(choice, k, &
+         rows/real(problem%rows(), wp), findings%rivals)
    end subroutine take_best
 
    !> Repeats trial fits with one mode fewer, with another parameter fixed: one of those that the
@@ -344,44 +372,5 @@ contains
       end function undetermined_by
 
    end subroutine needed_modes
-
-   !> Refuses a model whose frequencies are far from those of its record, as after a slip in the
-   !> units.
-   subroutine check_frequencies(problem, error)
-      type(residual_t), intent(inout) :: problem
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: too_far = 20
-      complex(wp), allocatable :: s(:), none(:, :)
-      real(wp), allocatable :: t(:)
-      real(wp) :: share, strongest, low, high
-      integer :: r
-
-      problem%free = [integer ::]
-      problem%record = [integer ::]
-      do r = 1, size(problem%parts)
-         t = problem%parts(r)%observed%times()
-         if (problem%scenario%excitations(r)%modes == 0 .or. size(t) < 50) cycle
-         s = spread((0.0_wp, 0.0_wp), 1, problem%scenario%excitations(r)%modes)
-         allocate (none(size(s), 0))
-         call model_roots(problem, problem%scenario, r, s, none, error)
-         if (allocated(error)) return
-         deallocate (none)
-         low = aimag(s(1))/two_pi
-         high = aimag(s(size(s)))/two_pi
-         call strongest_peak(t, problem%parts(r)%observed%measured, 5*high, strongest, share)
-         if (share > 0.05_wp .and. strongest*too_far > low) cycle
-         if (.not. strongest > 0) then
-            call bad_input(error, 'record '//to_text(r)//': found no spectral line above the '// &
-               'noise up to '//rounded(5*high, 3)//', five times the highest natural frequency '// &
-               'of the model; expected vibrations of the beam: check whether value_column '// &
-               'names the right column, and the units of the case')
-            return
-         end if
-         call bad_input(error, 'record '//to_text(r)//': found almost no '// &
-            'vibration near the natural frequencies of the model, '//to_text(low)//' to '// &
-            to_text(high)//'; expected consistent units in the case and the record')
-         return
-      end do
-   end subroutine check_frequencies
 
 end module beamid_starts
