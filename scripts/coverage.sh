@@ -5,8 +5,11 @@
 #
 # A file without executable statements has no row. A process that ends by a signal does not write its
 # counters.
+#
+#     scripts/coverage.sh          takes no argument
 set -euo pipefail
 
+[[ $# == 0 ]] || { echo "coverage: found $1, expected no argument" >&2; exit 2; }
 cd "$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")"
 scripts/setup.sh packages gcovr==8.8
 compiler=${FPM_FC:-gfortran}
