@@ -1,7 +1,7 @@
 !> A response with its derivatives by two parameters, beside differences.
 program derivatives
-   use beamid, only: equations_t, error_t, excitation_t, free_index, galerkin_t, mesh_t, modal_t, &
-      new_equations, new_galerkin, new_pulse, response_t, structure_t, work_t, wp
+   use beamid, only: equations_t, error_t, excitation_t, free_index, galerkin_of, galerkin_t, &
+      mesh_t, modal_t, new_equations, new_pulse, response_t, structure_t, work_t, wp
    implicit none
    real(wp), parameter :: t(5) = [1, 2, 3, 4, 5]
    type(structure_t) :: beam, other
@@ -18,7 +18,7 @@ program derivatives
 
    beam = structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp)
    force = new_pulse(amplitude=1.0_wp, duration=0.05_wp)
-   galerkin = new_galerkin(mesh_t(elements=8), beam%length)
+   galerkin = galerkin_of(mesh_t(elements=8), beam)
    call solver%prepare(galerkin, error)
    if (allocated(error)) error stop error%message
 

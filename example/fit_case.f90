@@ -1,7 +1,7 @@
 !> The fit of a case file: what `beamid identify` finds, as numbers; from the project's root.
 program fit_case_file
-   use beamid, only: case_t, error_t, needs_fit, read_case, wp
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid, only: case_fit_t, case_t, error_t, fit_case, judge_case, load_case, needs_fit, &
+      read_case, wp
    implicit none
    type(case_t) :: case
    type(case_fit_t) :: found

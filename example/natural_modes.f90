@@ -1,16 +1,17 @@
 !> Natural frequencies, damping ratios and mode shapes of a strip with a sensor near its tip.
 program natural_modes
-   use beamid, only: damped_roots, equations_t, error_t, galerkin_t, mesh_t, new_equations, &
-      new_galerkin, new_pulse, structure_t, wp
-   use beamid_mode_shapes, only: mode_shapes
-   use beamid_structure, only: sensor_t
+   use beamid, only: damped_roots, equations_t, error_t, galerkin_of, galerkin_t, mesh_t, &
+      mode_shapes, natural_frequencies, new_equations, sensor_t, structure_t, wp
    implicit none
    type(structure_t) :: strip
-   type(galerkin_t), target :: galerkin
+   type(galerkin_t), target :: galerkin   ! the equations point to it
    type(equations_t) :: equations
    type(error_t), allocatable :: error
    complex(wp), allocatable :: roots(:), shapes(:, :)
+   real(wp), parameter :: pi = acos(-1.0_wp)
+   real(wp), allocatable :: omega(:)
    real(wp) :: x(6)
+   type(mesh_t), parameter :: mesh = mesh_t(degree=5, elements=16, gauss_points=6)
    integer :: k
 
    ! Steel, 500 x 30 x 2 mm.
@@ -18,9 +19,13 @@ program natural_modes
       I=0.03_wp*0.002_wp**3/12, c_D=1e6_wp, gamma=0.05_wp)
    strip%sensors = 1
    strip%sensor(1) = sensor_t(m_S=0.012_wp, x_S=0.48_wp)
-   galerkin = new_galerkin(mesh_t(degree=5, elements=16), strip%length)
-   equations = new_equations(galerkin, strip, new_pulse(0.0_wp, 1.0_wp))
 
+   call natural_frequencies(strip, mesh, omega, error)
+   if (allocated(error)) error stop error%message
+   print '(a,3f10.4)', 'without damping [Hz]:', omega(:3)/(2*pi)
+
+   galerkin = galerkin_of(mesh, strip)
+   equations = new_equations(galerkin, strip)
    call damped_roots(equations, roots, error)
    if (allocated(error)) error stop error%message
    x = strip%length*[(0.2_wp*k, k=0, 5)]
@@ -29,7 +34,7 @@ program natural_modes
 
    print '(a)', ' mode   frequency [Hz]   damping ratio   shape at 0, .2, ..., 1 of the length'
    do k = 1, 3
-      print '(i5,f17.4,f16.6,a,6f8.4)', k, abs(roots(k))/(2*acos(-1.0_wp)), &
+      print '(i5,f17.4,f16.6,a,6f8.4)', k, abs(roots(k))/(2*pi), &
          -real(roots(k))/abs(roots(k)), '  ', real(shapes(:, k))
    end do
 end program natural_modes

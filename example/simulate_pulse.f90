@@ -1,12 +1,12 @@
 !> What an accelerometer on the tip of a beam sees of a pulse, with and without a hose.
 program simulate_pulse
-   use beamid, only: cvode_t, error_t, hose_t, mesh_t, modal_t, model_t, new_pulse, simulate, &
-      simulation_t, structure_t, wp
+   use beamid, only: cvode_t, error_t, gaussian_noise, hose_t, mesh_t, modal_t, model_t, &
+      new_pulse, simulate, simulation_t, structure_t, wp
    implicit none
    type(model_t) :: model
    type(simulation_t) :: with_hose, without, integrated
    type(error_t), allocatable :: error
-   real(wp) :: t(51)
+   real(wp) :: t(51), record(51)
    integer :: k
 
    model%structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, &
@@ -17,6 +17,8 @@ program simulate_pulse
 
    call simulate(model, mesh_t(elements=8), t, with_hose, error)
    if (allocated(error)) error stop error%message
+   ! What a recorder stores: the same seed always gives the same noise.
+   record = with_hose%acceleration + gaussian_noise(size(t), sd=0.01_wp, seed=1)
 
    ! The same by an integrator.
    model%solver = cvode_t(rtol=1e-9_wp)
@@ -30,9 +32,9 @@ program simulate_pulse
    call simulate(model, mesh_t(elements=8), t, without, error)
    if (allocated(error)) error stop error%message
 
-   print '(a)', '      t   with hose     without'
+   print '(a)', '      t   with hose     without    a record'
    do k = 11, 51, 10
-      print '(f7.1,2f12.5)', t(k), with_hose%acceleration(k), without%acceleration(k)
+      print '(f7.1,3f12.5)', t(k), with_hose%acceleration(k), without%acceleration(k), record(k)
    end do
    print '(a,es9.2)', 'integrator and exact response differ by', &
       maxval(abs(integrated%acceleration - with_hose%acceleration))

@@ -26,22 +26,25 @@
 !> `identify` only searches; `new_verdict` tells whether the model explains the record.
 module beamid
    use beamid_boxes, only: box_t
+   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: case_t, load_experiments, measured_samples, needs_fit, &
       needs_modes, needs_nothing, needs_response, read_case, sample_times
    use beamid_cvode, only: cvode_t
    use beamid_designs, only: compare_designs, design_t, designs_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
+   use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
+      new_pulse, new_release
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
       stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
-   use beamid_modes, only: undamped_modes
+   use beamid_mode_shapes, only: mode_shapes
+   use beamid_modes, only: natural_frequencies, undamped_modes
    use beamid_multistart, only: identify_from_many, minimum_t, multistart_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t

@@ -6,9 +6,10 @@ program test_ends
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
+   use beamid_modes, only: natural_frequencies, undamped_modes
    use beamid_quadrature, only: composite, rule_t
    use beamid_responses, only: prepare_for, response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
@@ -27,6 +28,7 @@ program test_ends
    real(wp), parameter :: f(9) = [0.0_wp, 0.7_wp, -0.3_wp, 0.5_wp, 0.1_wp, -0.6_wp, 0.2_wp, &
       0.4_wp, 0.0_wp]
    integer, parameter :: samples = 40
+   real(wp), parameter :: pi = acos(-1.0_wp)
    character(len=:), allocatable :: reason
    integer :: i
 
@@ -39,6 +41,7 @@ program test_ends
    call test_limits()
    call test_balance()
    call test_static()
+   call test_mesh_of_another_beam()
    call open_shell(reason)
    if (reason == '') then
       call test_names()
@@ -221,6 +224,52 @@ contains
          call compare_slopes('free in air '//to_text(k), s, pulse())
       end do
    end subroutine test_free_in_air
+
+   !> A mesh for a clamped root and a free tip does not serve a pinned beam, whose first natural
+   !> frequency is pi**2 here (the error of this mesh is 1e-12). Without the check it would come out
+   !> as 15.42.
+   subroutine test_mesh_of_another_beam()
+      type(structure_t) :: s
+      type(galerkin_t), target :: clamped
+      type(equations_t), target :: equations
+      type(excitation_t) :: excitation
+      type(response_t) :: response
+      type(modal_t) :: exact
+      type(cvode_t) :: integrator
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: omega(:), shapes(:, :)
+      complex(wp), allocatable :: roots(:)
+
+      s = structure_t(length=1.0_wp, rho=1.0_wp, E=1.0_wp, I=1.0_wp)
+      s%end = [end_of('pinned'), end_of('pinned')]
+      call natural_frequencies(s, mesh_t(5, 16, 6, 1), omega, error)
+      call check('pinned beam: frequencies', .not. allocated(error))
+      call check_close('pinned beam: first frequency', omega(1), pi**2, 1e-9_wp)
+      clamped = new_galerkin(mesh_t(5, 16, 6, 1), s%length)
+      call new_force_table([0.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], excitation, error)
+      equations = new_equations(clamped, s)
+      call undamped_modes(equations, omega, shapes, error)
+      call check_mesh_refused('undamped modes', error)
+      call damped_roots(equations, roots, error)
+      call check_mesh_refused('damped roots', error)
+      equations = new_equations(clamped, s, excitation)
+      call exact%prepare(clamped, error)
+      call exact%respond(equations, excitation, times(), response, work, error)
+      call check_mesh_refused('modal', error)
+      call integrator%respond(equations, excitation, times(), response, work, error)
+      call check_mesh_refused('cvode', error)
+   end subroutine test_mesh_of_another_beam
+
+   !> Checks that a computation has refused the mesh.
+   subroutine check_mesh_refused(name, error)
+      character(len=*), intent(in) :: name
+      type(error_t), allocatable, intent(in) :: error
+
+      call check('mesh of another beam, '//name//': an error', allocated(error))
+      if (allocated(error)) call check('mesh of another beam, '//name//': the reason', &
+         index(error%message, 'galerkin_of') > 0, error%message)
+   end subroutine check_mesh_refused
 
    !> Computes a response; a failure is a failed check.
    !>

@@ -158,7 +158,7 @@ contains
       type(galerkin_t), target :: galerkin
       real(wp), allocatable :: omega(:), shapes(:, :)
 
-      galerkin = new_galerkin(cases(2)%meshes(1), structure%length)
+      galerkin = galerkin_of(cases(2)%meshes(1), structure)
       call undamped_modes(new_equations(galerkin, structure, cases(2)%model%excitation), omega, &
          shapes, error)
       hertz = omega/(2*pi)
@@ -198,7 +198,7 @@ contains
       end do
    end subroutine test_sums
 
-   subroutine fit_case(k)
+   subroutine fit_study(k)
       integer, intent(in) :: k
 
       call identify_meshes(cases(k)%model, cases(k)%meshes(:1), cases(k)%stages, samples, &
@@ -207,7 +207,7 @@ contains
          expected, fits, error)
       if (allocated(error)) call check(trim(names(k))//': the searches converge', .false., &
          error%message)
-   end subroutine fit_case
+   end subroutine fit_study
 
    !> One table from the starts of the text. The estimates within some per cent: J is flat along m_H
    !> and k_H together, and the record was rebuilt for the paper's estimates to be minima.
@@ -217,7 +217,7 @@ contains
       real(wp), allocatable :: hertz(:)
       integer :: j
 
-      call fit_case(k)
+      call fit_study(k)
       if (allocated(error)) return
       associate (last => fits(size(fits, 1), 1))
          do j = 1, size(last%free)
@@ -246,7 +246,7 @@ contains
       real(wp) :: J_printed, least
       integer :: j
 
-      call fit_case(4)
+      call fit_study(4)
       if (allocated(error)) return
       associate (last => fits(size(fits, 1), 1), case => cases(4))
          call check('Table 4.4: four free parameters', size(last%free) == 4 .and. &
@@ -290,7 +290,7 @@ contains
    subroutine test_closing_claim()
       real(wp) :: floyd
 
-      call fit_case(6)
+      call fit_study(6)
       if (allocated(error)) return
       floyd = squared_distance(response(:, 5), expected)
       call check('the fit of m_T and E beats Floyd''s matched modes by a factor of 5', &

@@ -57,15 +57,16 @@ contains
    !> (3.13) multiplies it by omega**2. Eigenvectors are orthogonal to round-off times the ratio of
    !> the largest to the smallest eigenvalue, 1e5: 1e-9.
    subroutine test_observers()
+      type(structure_t) :: beam
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       real(wp), allocatable :: omega(:), shapes(:, :), observers(:, :), row(:), again(:)
       integer :: k, j
 
-      galerkin = new_galerkin(mesh_t(degree=3, elements=4), 4.0_wp)
-      equations = new_equations(galerkin, structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-         c_D=0.005_wp, m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)), &
-         new_pulse(1.0_wp, 0.05_wp))
+      beam = structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, &
+         hose=hose_t(m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp))
+      galerkin = galerkin_of(mesh_t(degree=3, elements=4), beam)
+      equations = new_equations(galerkin, beam, new_pulse(1.0_wp, 0.05_wp))
       call undamped_modes(equations, omega, shapes, error)
       call mode_observers(equations, again, observers, error)
       call equation_row(equations, row, error)

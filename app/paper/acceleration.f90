@@ -235,9 +235,9 @@ contains
       study%excitation = truth%model%excitation
       allocate (study%settings(2))
       structure = truth%model%structure
-      galerkin = new_galerkin(mesh_t(degree=3, elements=4), structure%length)
+      galerkin = galerkin_of(mesh_t(degree=3, elements=4), structure)
       associate (excitation => study%excitation, meshes => truth%meshes)
-         fine = new_galerkin(meshes(size(meshes)), structure%length)
+         fine = galerkin_of(meshes(size(meshes)), structure)
          beam = new_equations(fine, structure, excitation)
          call undamped_modes(beam, study%beam, shapes, error)
          do k = 1, size(study%settings)

@@ -300,7 +300,7 @@ contains
          type(galerkin_t), target :: galerkin
          type(equations_t) :: equations
 
-         galerkin = new_galerkin(mesh, structure%length)
+         galerkin = galerkin_of(mesh, structure)
          equations = new_equations(galerkin, structure, study%excitation)
          call find_motion(equations, study%excitation, times, motion, study%failure)
       end subroutine solve

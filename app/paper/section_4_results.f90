@@ -213,7 +213,7 @@ contains
             if (.not. allocated(error)) call sum_of_squares(model, mesh, results%samples, &
                results%measured, J, error)
             if (allocated(error)) return
-            galerkin = new_galerkin(mesh, structure%length)
+            galerkin = galerkin_of(mesh, structure)
          end associate
          call undamped_modes(new_equations(galerkin, structure, case%model%excitation), omega, &
             shapes, error)

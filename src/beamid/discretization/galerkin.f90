@@ -104,7 +104,8 @@ contains
          kinks)
    end function galerkin_of
 
-   !> Returns the integrals for a beam.
+   !> Returns the integrals for a beam that is described by its length and by the conditions at its
+   !> ends. `galerkin_of` takes both from a structure.
    !>
    !> length      length of the beam [length]
    !> essential   (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip free

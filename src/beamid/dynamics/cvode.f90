@@ -305,7 +305,8 @@ contains
             'allows no motion between them, expected more elements')
          return
       end if
-      call check_axial_load(equations%structure, error)
+      call equations%check_ends(error)
+      if (.not. allocated(error)) call check_axial_load(equations%structure, error)
       if (.not. allocated(error)) call check_causal(equations%structure, [integer ::], &
          error)
       if (.not. allocated(error)) call check_local(equations%structure, error)

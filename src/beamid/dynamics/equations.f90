@@ -7,7 +7,8 @@
 module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
-   use beamid_excitation, only: excitation_t
+   use beamid_errors, only: bad_input, error_t
+   use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: alone, galerkin_t, slope_band, with_air, with_mass
    use beamid_kinds, only: wp
    use beamid_mesh_unknowns, only: order_unknowns, points_of
@@ -70,7 +71,7 @@ module beamid_equations
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
-      procedure :: buckles
+      procedure :: buckles, check_ends
    end type equations_t
 
 contains
@@ -78,20 +79,25 @@ contains
    !> Assembles the equations (3.11) with a force at a point, the distributed load (3.10), or a base
    !> that moves.
    !>
-   !> galerkin    integrals of the mesh. The result points to them, so they must outlive it. Its
-   !>             space must not satisfy conditions at the ends that are not `essential` for the
-   !>             structure. Its length may differ from the structure's.
+   !> galerkin    integrals of the mesh, from `galerkin_of`. The result points to them, so they must
+   !>             outlive it. Its space must not satisfy conditions at the ends that are not
+   !>             `essential` for the structure: `check_ends` refuses this. Its length may differ
+   !>             from the structure's.
    !> structure   beam and attachments
-   !> excitation  force or base motion
+   !> excitation  force or base motion; absent: none, as for natural modes
    !> matrices    .false.: leave out M, C and K, for a solver that works in modes; default .true.
-   function new_equations(galerkin, structure, excitation, matrices) result(self)
+   recursive function new_equations(galerkin, structure, excitation, matrices) result(self)
       type(galerkin_t), intent(in), target :: galerkin
       type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
+      type(excitation_t), intent(in), optional :: excitation
       logical, intent(in), optional :: matrices
       type(equations_t) :: self
       integer :: k, kd, n
 
+      if (.not. present(excitation)) then
+         self = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp), matrices)
+         return
+      end if
       self%galerkin => galerkin
       self%structure = structure
       n = galerkin%space%n + count(structure%has_hose())
@@ -259,6 +265,17 @@ contains
       call factor%factor(positive)
       buckles = .not. positive
    end function buckles
+
+   !> Refuses a mesh whose splines hold an end that the structure does not hold: its response would
+   !> be that of another beam.
+   subroutine check_ends(self, error)
+      class(equations_t), intent(in) :: self
+      type(error_t), allocatable, intent(out) :: error
+
+      if (any(self%galerkin%space%essential .and. .not. self%structure%essential())) &
+         call bad_input(error, 'found a mesh that holds an end of the beam which the structure '// &
+         'does not hold, expected the mesh of galerkin_of(mesh, structure)')
+   end subroutine check_ends
 
    !> Adds a spring to each hose that has none: its mass takes no part in static shapes and does not
    !> buckle, but without stiffness K would be singular.

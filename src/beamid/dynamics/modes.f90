@@ -5,7 +5,6 @@ module beamid_modes
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, slope_band, with_air, with_mass
    use beamid_internal_forces, only: strain_energy
    use beamid_interrupts, only: check_interrupt
@@ -81,8 +80,7 @@ contains
       real(wp), allocatable :: shapes(:, :)
 
       galerkin = galerkin_of(mesh, structure, fixed)
-      call undamped_modes(new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp)), omega, &
-         shapes, error)
+      call undamped_modes(new_equations(galerkin, structure), omega, shapes, error)
    end subroutine natural_frequencies
 
    !> Computes the undamped natural modes of a structure, K x = omega**2 M x, by LAPACK for band
@@ -95,14 +93,16 @@ contains
    !>
    !> omega   (n) natural angular frequencies, ascending [1/time]
    !> shapes  (n, n) columns x with x' M x = 1
-   !> error   the structure buckles, or a matrix is not positive definite
+   !> error   the structure buckles; the mesh holds an end that the structure does not hold; a
+   !>         matrix is not positive definite
    subroutine undamped_modes(equations, omega, shapes, error)
       type(equations_t), intent(in) :: equations
       real(wp), allocatable, intent(out) :: omega(:), shapes(:, :)
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
-      call check_axial_load(equations%structure, error)
+      call equations%check_ends(error)
+      if (.not. allocated(error)) call check_axial_load(equations%structure, error)
       if (allocated(error)) return
       if (equations%buckles()) then
          call failure(error, 'modes: '//buckled)

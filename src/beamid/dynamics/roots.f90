@@ -31,7 +31,7 @@ contains
    !> Computes the roots s of (s**2 M + s C + K + i L) x = 0, without relaxation roots.
    !>
    !> roots  one of each complex pair, Im s > 0, and all real roots, by ascending |s| [1/time]
-   !> error  the roots were not found
+   !> error  the roots were not found; the mesh holds an end that the structure does not hold
    subroutine damped_roots(equations, roots, error)
       type(equations_t), intent(in) :: equations
       complex(wp), allocatable, intent(out) :: roots(:)
@@ -43,7 +43,8 @@ contains
       logical, allocatable :: has_hose(:)
       integer :: h
 
-      call bare_beam_modes(equations%galerkin, modes, error)
+      call equations%check_ends(error)
+      if (.not. allocated(error)) call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
       associate (structure => equations%structure)
          elastic = structure

@@ -268,7 +268,8 @@ contains
 
    !> Checks that the equations can be assembled, and counts one solution.
    !>
-   !> error  interrupted; the solver is not prepared for this mesh; the beam buckles
+   !> error  interrupted; the solver is not prepared for this mesh; the mesh holds an end that the
+   !>        structure does not hold; the beam buckles
    subroutine check_prepared(self, equations, work, error)
       type(tracked_poles_t), intent(in) :: self
       type(equations_t), intent(in) :: equations
@@ -289,7 +290,8 @@ contains
             return
          end if
       end associate
-      call check_axial_load(equations%structure, error)
+      call equations%check_ends(error)
+      if (.not. allocated(error)) call check_axial_load(equations%structure, error)
    end subroutine check_prepared
 
    !> Finds the poles of the assembly at the sensor, and at the slope of the sensor if it reads
