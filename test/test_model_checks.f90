@@ -1,8 +1,10 @@
 !> Mistakes of a Fortran program: `simulate` and `identify` return an error that names them.
 program test_model_checks
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-   use beamid, only: error_t, excitation_t, experiment_t, free_index, identify, mesh_t, modal_t, &
-      model_t, new_pulse, sensor_t, simulate, simulation_t, stage_fit_t, stage_t, structure_t, wp
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
+   use beamid, only: case_fit_t, case_t, error_t, excitation_t, experiment_t, free_index, &
+      identify, load_case, mesh_t, modal_t, model_t, needs_fit, new_pulse, read_case, sensor_t, &
+      simulate, simulation_t, stage_fit_t, stage_t, structure_t, wp
+   use beamid_beam_values, only: E_at, n_parameters
    use checks, only: check, finish
    implicit none
    type(model_t) :: model
@@ -24,6 +26,7 @@ program test_model_checks
    call try_fit('the right model', model, t, a, [free_index('E'), free_index('c_D')], '')
 
    call test_models()
+   call test_cases()
    call try_fit('an unknown name', model, t, a, [free_index('mS')], 'free_index')
    call try_fit('no free parameter', model, t, a, [integer ::], 'no free parameter')
    call try_fit('E twice', model, t, a, [free_index('E'), free_index('E')], 'E twice')
@@ -63,9 +66,54 @@ contains
       wrong%structure%rho = -1
       call try('a negative mass', wrong, 'rho: found -1')
       wrong = model
+      call wrong%structure%set(free_index('mS'), 0.006_wp)
+      call check('an unknown name changes no value', all(abs(values_of(wrong%structure) &
+         - values_of(model%structure)) <= 0))
+      call try('a value of an unknown name', wrong, 'a call of set with a number')
+      wrong = model
+      call wrong%structure%set(free_index('amplitude'), 3.0_wp)
+      call check('the amplitude is no mass of the tip', abs(wrong%structure%m_T) <= 0)
+      call try('an amplitude of the structure', wrong, 'a call of set with a number')
+      wrong = model
+      call wrong%structure%set(E_at(1), 2e11_wp)
+      call try('a coefficient of E(x) without E(x)', wrong, 'a call of set with a number')
+      call check('the value of an unknown name is NaN', &
+         ieee_is_nan(model%structure%get(free_index('mS'))))
+      wrong = model
+      call wrong%structure%set(free_index('m_S'), 0.006_wp)
+      call simulate(wrong, mesh_t(elements=8), t, simulation, error)
+      call check('a value of a name is simulated', .not. allocated(error))
+      wrong = model
       call simulate(wrong, mesh_t(elements=8), t(size(t):1:-1), simulation, error)
       call expect('descending times are simulated', 'expected times that increase')
    end subroutine test_models
+
+   !> A program that changes a case between `read_case` and `load_case`.
+   subroutine test_cases()
+      character(len=*), parameter :: path = 'data/bench_fit.nml'
+      type(case_t) :: case
+      type(case_fit_t) :: right, wrong, unknown
+
+      call read_case(path, needs_fit, case, error)
+      if (.not. allocated(error)) call load_case(case, right, error)
+      call check('a case is loaded', .not. allocated(error))
+      call case%model%structure%set(free_index('mS'), 0.006_wp)
+      call load_case(case, wrong, error)
+      call expect('a case with a value of an unknown name', 'a call of set with a number')
+      call read_case(path, needs_fit, case, error)
+      case%stages(1)%free(1) = free_index('mS')
+      call load_case(case, unknown, error)
+      call expect('a case with an unknown free parameter', 'free_index')
+   end subroutine test_cases
+
+   !> Returns the values of all parameters of a structure.
+   function values_of(structure) result(values)
+      type(structure_t), intent(in) :: structure
+      real(wp) :: values(n_parameters)
+      integer :: p
+
+      values = [(structure%get(p), p=1, n_parameters)]
+   end function values_of
 
    !> Simulates and fits a wrong model.
    subroutine try(what, wrong, message)

@@ -15,7 +15,7 @@ module beamid_beam_values
    implicit none
    private
 
-   public :: beam_values_t, values_t, is_coefficient, function_of
+   public :: beam_values_t, values_t, find_item, is_coefficient, function_of
 
    !> Value of a position that the user has not given; the position is then the tip.
    real(wp), parameter, public :: at_tip = -1
@@ -156,7 +156,30 @@ module beamid_beam_values
    !> Numbers of the parameters of the first sensor and of the first hose.
    integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1), &
       of_m_H = m_H_at(1), of_c_H = c_H_at(1), of_k_H = k_H_at(1), of_x_H = x_H_at(1)
+
 contains
+
+   !> Finds the attachment to which parameter k, 1 .. n_parameters, belongs.
+   !>
+   !> kind       1: sensor, 2: support, 3: mass, 4: hose; 0: parameter k belongs to no attachment
+   !> item       number of the attachment
+   !> component  number of the value
+   pure subroutine find_item(k, kind, item, component)
+      integer, intent(in) :: k
+      integer, intent(out) :: kind, item, component
+
+      kind = 0
+      item = 0
+      component = k
+      if (k <= n_beam) return
+      component = k - n_beam
+      do kind = 1, size(n_of)
+         if (component <= n_of(kind)*most_items) exit
+         component = component - n_of(kind)*most_items
+      end do
+      item = (component - 1)/n_of(kind) + 1
+      component = component - (item - 1)*n_of(kind)
+   end subroutine find_item
 
    !> Returns whether parameter k is a coefficient of E(x) or c_D(x).
    elemental logical function is_coefficient(k)

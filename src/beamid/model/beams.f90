@@ -1,10 +1,11 @@
 !> A beam and what is attached to it: the values of its parameters by name and by number, which
 !> attachments and springs there are, and how its properties vary.
 module beamid_beams
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use beamid_beam_values, only: beam_values_t, coefficient_at, compliance_at, deflection, &
-      function_of, hose_t, item_name_length, mass_t, most_items, n_beam, n_of, n_parameters, &
-      no_spring, of_c_D, of_d_D, of_E, of_length, of_w_D, of_x_D, of_x_F, root, rotation, &
-      sensor_t, support_t, tip, values_t, x_H_at, x_M_at, x_S_at
+      find_item, function_of, hose_t, item_name_length, mass_t, most_items, n_beam, n_of, &
+      n_parameters, no_spring, of_c_D, of_d_D, of_E, of_length, of_w_D, of_x_D, of_x_F, root, &
+      rotation, sensor_t, support_t, tip, values_t, x_H_at, x_M_at, x_S_at
    use beamid_kinds, only: wp
    use beamid_variations, only: field_modulus, field_t, field_viscosity, variations_t
    implicit none
@@ -31,6 +32,9 @@ module beamid_beams
          support_name = '', mass_name = '', hose_name = ''
       !> variation of the properties along the beam
       type(variations_t) :: variations = variations_t()
+      !> whether `set` was called with a number that is no parameter of this structure;
+      !> `check_structure` then refuses the structure
+      logical :: has_unknown_parameter = .false.
    contains
       procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, items, place, &
          follows_tip, sensor_place, get, set, has_dip, has_fields, factors, factor_slopes
@@ -126,28 +130,6 @@ contains
       end associate
    end function rigid_supports
 
-   !> Finds the attachment to which parameter k belongs.
-   !>
-   !> kind       1: sensor, 2: support, 3: mass, 4: hose; 0: parameter k belongs to no attachment
-   !> item       number of the attachment
-   !> component  number of the value
-   pure subroutine find_item(k, kind, item, component)
-      integer, intent(in) :: k
-      integer, intent(out) :: kind, item, component
-
-      kind = 0
-      item = 0
-      component = k
-      if (k <= n_beam) return
-      component = k - n_beam
-      do kind = 1, size(n_of)
-         if (component <= n_of(kind)*most_items) exit
-         component = component - n_of(kind)*most_items
-      end do
-      item = (component - 1)/n_of(kind) + 1
-      component = component - (item - 1)*n_of(kind)
-   end subroutine find_item
-
    !> Returns the values of one attachment, or those of the beam, in the first entries of q.
    !>
    !> kind, item  as of `find_item`
@@ -173,13 +155,17 @@ contains
       if (kind > 0) q(n_of(kind) + 1:) = 0
    end function values_in
 
-   !> Returns the value of parameter k as it is stored.
+   !> Returns the value of parameter k as it is stored; NaN if k is no parameter.
    pure real(wp) function stored(self, k)
       class(beam_t), intent(in) :: self
       integer, intent(in) :: k
       real(wp) :: q(n_beam)
       integer :: kind, item, component
 
+      if (k < 1 .or. k > n_parameters) then
+         stored = ieee_value(0.0_wp, ieee_quiet_nan)
+         return
+      end if
       call find_item(k, kind, item, component)
       q = values_in(self, kind, item)
       stored = q(component)
@@ -234,8 +220,9 @@ contains
       sensor_place = self%place(x_S_at(self%observer))
    end function sensor_place
 
-   !> Returns the value of parameter k. A position that was not given is returned as the length, and
-   !> a coefficient that was not set as the value of E or c_D.
+   !> Returns the value of parameter k; NaN if k is no parameter of a structure. A position that was
+   !> not given is returned as the length, and a coefficient that was not set as the value of E or
+   !> c_D.
    pure real(wp) function get(self, k)
       class(beam_t), intent(in) :: self
       integer, intent(in) :: k
@@ -252,15 +239,22 @@ contains
       if (get < 0) get = merge(self%length, get, any(k == [of_x_F, x_S_at, x_M_at, x_H_at]))
    end function get
 
-   !> Sets parameter k to a value.
+   !> Sets parameter k to a value. If k is no parameter of this structure (0, the amplitude, the
+   !> offset, or a coefficient that E(x) or c_D(x) does not have), no value changes, and
+   !> `check_structure` refuses the structure from then on.
    pure subroutine set(self, k, value)
       class(beam_t), intent(inout) :: self
       integer, intent(in) :: k
       real(wp), intent(in) :: value
       integer :: a
+      logical :: is_known
 
       a = function_of(k)
-      if (a > 0) then
+      is_known = k >= 1 .and. k <= n_parameters
+      if (a > 0) is_known = k - coefficient_at(1, a) < self%variations%along(a)%coefficients
+      if (.not. is_known) then
+         self%has_unknown_parameter = .true.
+      else if (a > 0) then
          ! If no coefficient was set before, the others become the value of the uniform property.
          associate (along => self%variations%along(a))
             if (.not. allocated(along%value)) &

@@ -36,9 +36,10 @@ module beamid_structure_checks
 
 contains
 
-   !> Refuses values outside their physical ranges, values out of proportion, and buckling.
+   !> Refuses values outside their physical ranges, values out of proportion, buckling, and a
+   !> structure whose `set` was called with the number of no parameter.
    !>
-   !> error  the message starts with the key of the offending parameter
+   !> error  the message starts with the key of the offending parameter, if there is one
    !> place  number of that parameter
    subroutine check_structure(structure, error, place)
       type(structure_t), intent(in) :: structure
@@ -47,6 +48,12 @@ contains
       integer :: k
 
       if (present(place)) place = of_length
+      if (structure%has_unknown_parameter) then
+         call bad_input(error, 'found a call of set with a number that is no parameter of a '// &
+            'structure, expected one from free_index, which is 0 for an unknown name '// &
+            "('amplitude' belongs to the excitation)")
+         return
+      end if
       do k = 1, n_parameters
          if (present(place)) place = k
          if (.not. is_there(structure, k)) cycle

@@ -15,10 +15,12 @@ module beamid_cases
    use beamid_group_checks, only: check_whole, settle_variations
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
+   use beamid_model_checks, only: check_stage
    use beamid_namelist, only: scan_namelist
    use beamid_records, only: are_in_time, columns_t, grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
+   use beamid_structure_checks, only: check_structure
    use beamid_unknowns, only: stage_t
    implicit none
    private
@@ -186,8 +188,9 @@ contains
    !>              modes needs them
    !> experiments  (records)
    !> notes        one sentence for each change made to the records, such as clipped samples removed
-   !> error        a record that cannot be read, records that contradict one another, or a stage
-   !>              with more unknowns than samples
+   !> error        a record that cannot be read; records that contradict one another; a stage with
+   !>              more unknowns than samples; a structure or a stage that a program has made
+   !>              invalid after `read_case`
    subroutine load_experiments(case, experiments, notes, error)
       type(case_t), intent(inout) :: case
       type(experiment_t), allocatable, intent(out) :: experiments(:)
@@ -199,6 +202,11 @@ contains
       integer :: k, linear, total, unknowns
 
       allocate (experiments(size(case%recordings)), notes(0))
+      call check_structure(case%model%structure, error)
+      do k = 1, size(case%stages)
+         if (.not. allocated(error)) call check_stage(case%stages(k), .true., error)
+      end do
+      if (allocated(error)) return
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
             if (recording%kind == 'time') then
