@@ -108,7 +108,7 @@ contains
          end if
          if (row%is_reciprocal) meaning = meaning//'; may be infinite (rigid), because the fit '// &
             'searches for its reciprocal'
-         if (all(row%needs /= [0, k])) then
+         if (row%needs > 0) then
             symbol_needed = trim(parameters(row%needs)%name)
             if (index(meaning, 'beside '//symbol_needed) == 0) meaning = meaning//'; requires '// &
                symbol_needed

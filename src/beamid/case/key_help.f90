@@ -203,7 +203,7 @@ contains
          if (.not. is_coefficient(k)) call page%labelled(4, 'key', fact_column, key_of(k)// &
             ' of &'//row%group)
          call page%labelled(4, 'example', fact_column, parameter_example(k))
-         if (all(row%needs /= [0, k])) call page%labelled(4, 'requires', fact_column, &
+         if (row%needs > 0) call page%labelled(4, 'requires', fact_column, &
             trim(parameters(row%needs)%name)//' above 0')
          if (row%group == 'end') then
             call page%labelled(4, 'ends', fact_column, ''''//symbol_of(k)//'.root'' and '''// &

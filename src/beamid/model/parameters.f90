@@ -46,7 +46,8 @@ module beamid_parameters
       character(len=20) :: default    !< default, as text for the help; '': required
       !> Moderate value: the scale of a fit that starts from zero, [unit of the parameter].
       type(monomial_t) :: moderate
-      integer :: needs = 0            !< number of a parameter without which it has no effect
+      !> number of another parameter without which this one has no effect; 0: none
+      integer :: needs = 0
       !> number of a parameter that must not be 0 for a fit to estimate this one, because it has no
       !> effect then; 0: none
       integer :: modifies = 0
@@ -125,14 +126,14 @@ module beamid_parameters
       parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
          monomial_t(0.1_wp), help='share of E that is missing in the middle of the dip'), &
       (parameter_t(kappa_w_at(i), 'k_w', 'end', [1, 0, -2], not_negative, 'of the kind', &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_w_at(i), &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), &
          is_reciprocal=.true., help='stiffness of the spring that holds the deflection of the '// &
          'end', item=nth(i)), &
       parameter_t(c_w_at(i), 'c_w', 'end', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_w_at(i), &
          help='damping coefficient of the deflection of the end', item=nth(i)), &
       parameter_t(kappa_R_at(i), 'k_R', 'end', [1, 2, -2], not_negative, 'of the kind', &
-         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=kappa_R_at(i), &
+         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), &
          is_reciprocal=.true., help='stiffness of the spring that holds the rotation of the end', &
          item=nth(i)), &
       parameter_t(c_R_at(i), 'c_R', 'end', [1, 2, -1], not_negative, '0', &
@@ -151,13 +152,13 @@ module beamid_parameters
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
          monomial_t(place=[of_length, 0, 0]), help='position of the support', item=nth(i)), &
       parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], not_negative, 'rigid', &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_P_at(i), &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), &
          is_reciprocal=.true., help='stiffness of the support; 0: a damper alone', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
          help='damping coefficient of the support, beside k_P', item=nth(i)), &
       parameter_t(kappa_RP_at(i), 'k_RP', 'support', [1, 2, -2], not_negative, '0', &
-         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=kappa_RP_at(i), &
+         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), &
          is_reciprocal=.true., key='k_R', &
          help='stiffness of the support against rotation; inf: rigid', item=nth(i)), &
       parameter_t(c_RP_at(i), 'c_RP', 'support', [1, 2, -1], not_negative, '0', &

@@ -103,7 +103,7 @@ contains
       integer :: c
 
       associate (needs => parameters(k)%needs, item => parameters(k)%item)
-         if (needs > 0 .and. needs /= k) then
+         if (needs > 0) then
             if (structure%get(k) > 0 .and. .not. structure%get(needs) > 0) call bad_input(error, &
                key_of(k)//': found a value without '//key_of(needs)//', expected both')
          end if
