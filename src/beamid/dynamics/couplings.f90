@@ -38,7 +38,7 @@ module beamid_couplings
       logical, allocatable :: rigid(:)
       real(wp), private :: beam_mass = 0
    contains
-      procedure :: set, form_at, evaluate, coefficients, masses, vanish
+      procedure :: set, form_at, evaluate, coefficient, masses, vanish
    end type couplings_t
 
    !> A pair of roots this many times above all poles of the oscillators has no influence on the
@@ -100,8 +100,9 @@ contains
    end subroutine sum_terms
 
    !> Sets the row of a spring to the ground, rigid or not. The unknown of such a row is the force y
-   !> of the spring: A y is the motion, and (1 + s c/k) y the force of spring and damper, in a unit
-   !> that gives the row the size of the others.
+   !> of the spring: A y is the motion, and (1 + s c/k) y the force of spring and damper. The unit
+   !> of y is E I mu l**(1 + 2 d), with mu of the highest mode, l of the mesh, and d = 0 for a
+   !> deflection or 1 for a rotation. This gives the row the size of the others.
    !>
    !> k  operator of the spring
    pure subroutine set_spring(self, k, given, layout, oscillators)
@@ -147,12 +148,15 @@ contains
    end function form_at
 
    !> Computes H(s), H'(s) and H''(s)/2 in a form, each of shape (r, r).
-   pure subroutine evaluate(self, form, s, H, dH, hm)
+   !>
+   !> form             as of `form_at`
+   !> H, dH, half_d2H  H(s), H'(s) and H''(s)/2, the coefficient of s**2
+   pure subroutine evaluate(self, form, s, H, dH, half_d2H)
       class(couplings_t), intent(in) :: self
       integer, intent(in) :: form
       complex(wp), intent(in) :: s
       complex(wp), dimension(size(self%rigid), size(self%rigid)), intent(out) :: H, dH
-      complex(wp), intent(out), optional :: hm(size(self%rigid), size(self%rigid))
+      complex(wp), intent(out), optional :: half_d2H(size(self%rigid), size(self%rigid))
       complex(wp) :: square
       real(wp) :: c(of_mass:of_stiffness)
       integer :: i, k, l
@@ -164,7 +168,7 @@ contains
             H(k, l) = cmplx(c(of_mass)*real(square) + c(of_damping)*real(s) + c(of_stiffness), &
                c(of_mass)*aimag(square) + c(of_damping)*aimag(s), wp)
             dH(k, l) = cmplx(2*c(of_mass)*real(s) + c(of_damping), 2*c(of_mass)*aimag(s), wp)
-            if (present(hm)) hm(k, l) = c(of_mass)
+            if (present(half_d2H)) half_d2H(k, l) = c(of_mass)
          end do
       end do
       do i = 1, size(self%hose)
@@ -173,16 +177,16 @@ contains
          call couple(self%hose(i), btest(form, i - 1), c(of_mass)*square + c(of_damping)*s &
             + c(of_stiffness), H)
          call couple(self%hose(i), btest(form, i - 1), 2*c(of_mass)*s + c(of_damping), dH)
-         if (present(hm)) &
-            call couple(self%hose(i), btest(form, i - 1), cmplx(c(of_mass), 0, wp), hm)
+         if (present(half_d2H)) &
+            call couple(self%hose(i), btest(form, i - 1), cmplx(c(of_mass), 0, wp), half_d2H)
       end do
    end subroutine evaluate
 
-   !> Computes the coefficients of s**2, s or 1 in H in a form.
+   !> Computes the coefficient of s**2, s or 1 in H in a form.
    !>
    !> matrix  `of_mass`, `of_damping` or `of_stiffness`
    !> h       (r, r)
-   pure subroutine coefficients(self, matrix, form, h)
+   pure subroutine coefficient(self, matrix, form, h)
       class(couplings_t), intent(in) :: self
       integer, intent(in) :: matrix, form
       real(wp), intent(out) :: h(:, :)
@@ -197,7 +201,7 @@ contains
          call couple(self%hose(i), btest(form, i - 1), cmplx(c(matrix), 0, wp), in_form)
       end do
       h = real(in_form)
-   end subroutine coefficients
+   end subroutine coefficient
 
    !> Returns the coefficients of s**2, s and 1 by which a hose couples with its point of the beam.
    !>
@@ -239,7 +243,7 @@ contains
       real(wp) :: h(size(self%rigid), size(self%rigid))
       integer :: k
 
-      call self%coefficients(of_mass, 0, h)
+      call self%coefficient(of_mass, 0, h)
       do k = 1, size(h, 1)
          if (self%rigid(k)) h(k, k) = self%beam_mass
       end do

@@ -147,7 +147,7 @@ contains
       complex(wp), allocatable, intent(out) :: s(:)
       complex(wp), allocatable :: P(:, :), dP(:, :)
       real(wp), allocatable :: matrix(:, :), b(:, :), a(:, :)
-      real(wp) :: hm(assembly%layout%r, assembly%layout%r)
+      real(wp) :: half_d2H(assembly%layout%r, assembly%layout%r)
       complex(wp) :: none(0)
       type(root_t) :: point
       integer, allocatable :: pivots(:)
@@ -162,8 +162,8 @@ contains
       call system_at(assembly, point, P, dP)
       matrix = real(P)
       b(:, :m) = real(dP)
-      call assembly%couplings%coefficients(of_mass, assembly%couplings%form_at(point%s), hm)
-      b(:n, m + n + 1:) = matmul(assembly%layout%vt, hm)
+      call assembly%couplings%coefficient(of_mass, assembly%couplings%form_at(point%s), half_d2H)
+      b(:n, m + n + 1:) = matmul(assembly%layout%vt, half_d2H)
       do i = 1, n
          b(i, m + i) = assembly%oscillators%m(i)
       end do

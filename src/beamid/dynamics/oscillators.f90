@@ -58,7 +58,8 @@ module beamid_oscillators
 
 contains
 
-   !> Sets D and its roots.
+   !> Sets D and its roots. The rates and strengths of the relaxations are set in the first call
+   !> alone; for other relaxations, begin with a new variable.
    subroutine set(self, given, layout)
       class(oscillators_t), intent(inout) :: self
       type(coefficients_t), intent(in) :: given

@@ -186,7 +186,7 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: factor(changes), dQx(:), observed, r, z(:), w(:)
       complex(wp), intent(out) :: dr_ds, dHy(:)
-      complex(wp) :: hmy
+      complex(wp) :: half_d2H_y
       integer :: i, l, rows
 
       rows = size(w)
@@ -196,12 +196,12 @@ contains
             + assembly%dense%bilinear(factor, x, x, 0))
          do i = 1, rows
             dHy(i) = 0
-            hmy = 0
+            half_d2H_y = 0
             do l = 1, rows
                dHy(i) = dHy(i) + dH(i, l)*y(l)
-               hmy = hmy + vector%hm(i, l)*y(l)
+               half_d2H_y = half_d2H_y + vector%half_d2H(i, l)*y(l)
             end do
-            dr_ds = dr_ds - A(i)*(w(i)*dHy(i) + 2*r*y(i)*hmy)
+            dr_ds = dr_ds - A(i)*(w(i)*dHy(i) + 2*r*y(i)*half_d2H_y)
          end do
          if (assembly%load%feels_base) dr_ds = dr_ds &
             - observed*(sum(assembly%load%velocity(:, 0)*x) &
@@ -294,14 +294,14 @@ contains
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: moves(:), x(:), yx(:), o(:), yo(:)
       real(wp), dimension(size(moves)) :: load, row_force, shift
-      real(wp) :: hm(size(moves), size(moves))
+      real(wp) :: mass(size(moves), size(moves))
 
-      hm = assembly%couplings%masses()
+      mass = assembly%couplings%masses()
       call assembly%load%rows(0, load, 0)
-      row_force = matmul(hm, yx) - load
+      row_force = matmul(mass, yx) - load
       associate (d => assembly%layout%v_slope)
          shift = moves*matmul(d, x)
-         change = shift(assembly%layout%sensor) - dot_product(yo, matmul(hm, shift)) &
+         change = shift(assembly%layout%sensor) - dot_product(yo, matmul(mass, shift)) &
             - dot_product(moves*matmul(d, o), row_force)
       end associate
    end function change_by_moves

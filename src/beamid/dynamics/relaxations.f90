@@ -10,6 +10,9 @@
 !> to all digits:
 !>
 !>     s = a + creep = -b + rise,    phi = creep (tau + sum of d_l b_l/((s + b_l) (a + b_l))).
+!>
+!> `creep` is the distance from the point of accumulation a: the motion e**(a t) is a creep under
+!> constant force. `rise` is how far the root rises above the lower end -b of its interval.
 module beamid_relaxations
    use beamid_kinds, only: wp
    implicit none

@@ -28,7 +28,7 @@ module beamid_synthesis
       type(cluster_state_t), allocatable :: cluster(:)   !< states of the clusters
       real(wp) :: t = 0                               !< time of the states [time]
       integer :: node = 1                             !< last node of the force at or before t
-      real(wp) :: behind = 0   !< t minus the sum of all step lengths: round-off [time]
+      real(wp) :: shortfall = 0   !< t minus the sum of all step lengths: round-off [time]
    contains
       procedure :: columns, through
       procedure, private :: plan
@@ -197,22 +197,22 @@ contains
       real(wp), intent(in) :: times(:)
       real(wp), intent(inout), contiguous :: x(:, :)
       type(step_t), allocatable :: steps(:)
-      integer :: at, count, i, j, k, n
+      integer :: at, i, j, k, n, n_steps
 
-      call self%plan(excitation, times, steps, count)
+      call self%plan(excitation, times, steps, n_steps)
       n = size(poles%s)
       do k = 1, n
          if (size(self%y) > 0) then
-            call march(poles%s(k), steps(:count), self%z(:, k), x(:, k), x(:, n + k), &
+            call march(poles%s(k), steps(:n_steps), self%z(:, k), x(:, k), x(:, n + k), &
                self%y(:, k), x(:, 2*n + k), x(:, 3*n + k))
          else
-            call march(poles%s(k), steps(:count), self%z(:, k), x(:, k), x(:, n + k))
+            call march(poles%s(k), steps(:n_steps), self%z(:, k), x(:, k), x(:, n + k))
          end if
       end do
       at = size(self%z) + size(self%y)
       do i = 1, size(self%cluster)
          associate (cluster => self%cluster(i), m => size(self%cluster(i)%x))
-            do j = 1, count
+            do j = 1, n_steps
                associate (by => steps(j))
                   call cluster%advance(poles%cluster(i), by%force, by%slope, by%length, by%same)
                   if (by%row == 0) cycle
@@ -274,11 +274,11 @@ contains
          ! On a uniform grid all steps have the same length, and the exponentials are used again.
          ! The round-off that a step neglects is added to the next, so that it does not
          ! accumulate.
-         self%behind = self%behind + (finish - self%t)
-         by = step_t(length=max(0.0_wp, self%behind))
+         self%shortfall = self%shortfall + (finish - self%t)
+         by = step_t(length=max(0.0_wp, self%shortfall))
          if (n > 0) by%same = abs(by%length - steps(n)%length) <= round_off(finish)
          if (by%same) by%length = steps(n)%length
-         self%behind = self%behind - by%length
+         self%shortfall = self%shortfall - by%length
          associate (t => excitation%t, f => excitation%f, node => self%node)
             if (node < size(t)) then
                by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))

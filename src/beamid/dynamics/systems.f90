@@ -241,11 +241,11 @@ contains
       vector%y = z(n + 1:, 1)
       vector%A = sum(vector%x*matmul(dP(:n, :), z(:, 1)))
       associate (m => assembly%oscillators%m, y => vector%y)
-         call assembly%couplings%evaluate(vector%form, root%s, vector%H, vector%dH, vector%hm)
+         call assembly%couplings%evaluate(vector%form, root%s, vector%H, vector%dH, vector%half_d2H)
          vector%f = matmul(vector%H, y)
          call assembly%oscillators%denominators(root, vector%D, vector%dD)
          vector%inertia = sum(m*abs(vector%x)**2) &
-            + real(sum(conjg(y)*matmul(vector%hm, y)))
+            + real(sum(conjg(y)*matmul(vector%half_d2H, y)))
       end associate
    end subroutine iterate_inversely
 

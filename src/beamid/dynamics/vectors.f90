@@ -28,7 +28,7 @@ module beamid_vectors
       complex(wp), allocatable :: inverse(:)    !< (n) 1/D(s); 0 for oscillator j
       complex(wp), allocatable :: y(:), f(:)    !< (r) A**-1 V'x and H y
       !> (r, r) G(s), H(s), H'(s) and H''(s)/2
-      complex(wp), allocatable, dimension(:, :) :: G, H, dH, hm
+      complex(wp), allocatable, dimension(:, :) :: G, H, dH, half_d2H
       complex(wp), allocatable :: coupled(:, :) !< (r, r) A + G H
       integer :: form = 0                       !< form of H at s, from `form_at`
       complex(wp) :: A = 0                      !< x'(2 s M + C) x
@@ -122,7 +122,7 @@ contains
       vector%form = self%couplings%form_at(root%s)
       associate (v => self%layout%v, m => self%oscillators%m, G => vector%G, &
          compliance => self%couplings%compliance)
-         call self%couplings%evaluate(vector%form, root%s, vector%H, vector%dH, vector%hm)
+         call self%couplings%evaluate(vector%form, root%s, vector%H, vector%dH, vector%half_d2H)
          call self%oscillators%denominators(root, vector%D, vector%dD, vector%inverse)
          call self%layout%project(vector%inverse, G)
          vector%y = v(:, root%j)
@@ -143,8 +143,8 @@ contains
             do l = 1, r
                vector%f(k) = vector%f(k) + vector%H(k, l)*vector%y(l)
                vector%A = vector%A + compliance(k)*vector%y(k)*vector%dH(k, l)*vector%y(l)
-               vector%inertia = vector%inertia + real(vector%hm(k, l))*real(conjg(vector%y(k)) &
-                  *vector%y(l))
+               vector%inertia = vector%inertia + real(vector%half_d2H(k, l)) &
+                  *real(conjg(vector%y(k))*vector%y(l))
             end do
          end do
          vector%x = 0
@@ -178,10 +178,10 @@ contains
          deallocate (vector%H)
       end if
       if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD, vector%y, vector%f)
-      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH, vector%hm, &
+      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH, vector%half_d2H, &
          vector%coupled)
       allocate (vector%x(n), vector%D(n), vector%dD(n), vector%inverse(n), vector%y(r), &
-         vector%f(r), vector%G(r, r), vector%H(r, r), vector%dH(r, r), vector%hm(r, r), &
+         vector%f(r), vector%G(r, r), vector%H(r, r), vector%dH(r, r), vector%half_d2H(r, r), &
          vector%coupled(r, r))
    end subroutine allocate_vector
 

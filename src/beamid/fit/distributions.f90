@@ -125,8 +125,9 @@ contains
       end if
    end function student_probability
 
-   !> Returns the t with P(|T| <= t) = probability, 0 < probability < 1, up to the round-off of
-   !> `student_probability`. The probability is 0.95 for a 95 % interval.
+   !> Returns the two-sided quantile of Student's distribution, the t with P(|T| <= t) =
+   !> probability, 0 < probability < 1, up to the round-off of `student_probability`. A 95 %
+   !> interval has the probability 0.95 here, and 0.975 in the one-sided `normal_quantile`.
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
       real(wp) :: excess, density, height, last
@@ -166,7 +167,8 @@ contains
       value = erfc(-x/sqrt(2.0_wp))/2
    end function normal_probability
 
-   !> Returns the quantile of the standard normal distribution for a probability in (0, 1), by
+   !> Returns the one-sided quantile of the standard normal distribution, the x with P(X <= x) =
+   !> probability, for a probability in (0, 1): 0.975 for the upper end of a 95 % interval. It uses
    !> Newton's method on the logarithm of the tail, from the approximation 26.2.23 of Abramowitz and
    !> Stegun. This function is concave: the iteration passes the root at most once and then
    !> converges from one side.

@@ -25,7 +25,7 @@ module beamid_least_squares
       real(wp) :: J = 0                      !< sum of squares of the residuals
       integer :: iterations = 0              !< of all searches
       integer :: evaluations = 0             !< of the residuals, including those for differences
-      !> number of trial steps at which the model could not be computed
+      !> number of trial steps that were shortened because the model could not be computed there
       integer :: shortened = 0
       real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
       !> (2) largest relative difference, over the columns, between exact derivatives and central

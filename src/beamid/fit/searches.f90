@@ -92,8 +92,11 @@ module beamid_searches
       !> `factor`)
       real(wp) :: factor = 100
       real(wp), allocatable :: first_norm      !< Euclidean norm of the residuals at the start
-      !> `shortened`: trial steps at which the model could not be computed
-      integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
+      integer :: iterations = 0                !< number of iterations
+      integer :: evaluations = 0               !< number of evaluations of the residuals
+      !> number of trial steps that MINPACK shortened because the model could not be computed there
+      integer :: shortened = 0
+      integer :: failures_in_a_row = 0         !< number of such steps since the last success
       type(error_t), allocatable :: error      !< the error that stopped the search
       !> the point evaluated last, and an earlier point to which the search may return from a
       !> rejected trial step

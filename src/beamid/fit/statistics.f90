@@ -29,7 +29,7 @@ module beamid_statistics
       !> of the noise, sigma**2 = J/freedom; 1 if it is known and agrees with the residuals
       real(wp) :: variance = 0
       !> half width of a 95 % interval in standard errors: by Student's t, or by the normal
-      !> distribution if the noise is known
+      !> distribution if the noise is known and explains the residuals
       real(wp) :: quantile = 0
       logical :: noise_is_known = .false.   !< as the argument `is_known` of `new_statistics`
       !> whether the noise is known, but the residuals are larger than this noise explains
@@ -37,7 +37,7 @@ module beamid_statistics
       real(wp), allocatable :: covariance(:, :)      !< (n, n) of the estimate
       !> (n) standard errors; `unlimited` if the data say nothing about a parameter
       real(wp), allocatable :: std_error(:)
-      real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval, by Student's t
+      real(wp), allocatable :: half_width(:)   !< (n) of the 95 % interval: quantile*std_error
       real(wp), allocatable :: correlation(:, :)     !< (n, n) of the estimate
       !> (n) singular values, descending, of the Jacobian with respect to relative changes: column j
       !> times scale(j)
@@ -140,6 +140,7 @@ contains
       statistics%noise_is_known = known
       if (known) then
          statistics%variance = 1
+         ! One-sided: 2.5 % on either side leave 95 % between. `student_quantile` is two-sided.
          statistics%quantile = normal_quantile(0.975_wp)
          if (freedom > 0) statistics%is_exceeded = chi_square_tail(total, freedom) < improbable
          if (.not. statistics%is_exceeded) return
@@ -233,9 +234,10 @@ contains
    !> Corrects standard errors for correlated residuals, with their autocovariances up to lag
    !> `max_lags`, tapered linearly.
    !>
-   !> jacobian              (m, n) of all rows
-   !> residual              (samples) of the data
-   !> others                as in `new_statistics`
+   !> jacobian    (m, n) of all rows
+   !> residual    (samples) of the data
+   !> statistics  in: all but the corrected errors; out: with them
+   !> noise, group, shared, ordered  as in `new_statistics`
    subroutine correct_errors(jacobian, residual, statistics, noise, group, shared, ordered)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
@@ -243,7 +245,7 @@ contains
       integer, intent(in), optional :: group(:)
       logical, intent(in), optional :: shared(:), ordered(:)
       real(wp), allocatable :: influence(:), sequence(:), pull(:, :), share(:, :)
-      real(wp) :: gamma(max_lags), products(max_lags), variance
+      real(wp) :: autocovariance(max_lags), products(max_lags), variance
       integer :: j, k, m, lags, length
 
       m = size(residual)
@@ -264,8 +266,8 @@ contains
          if (length < m) where (.not. ordered) sequence = 0
       end if
       if (length <= statistics%parameters) lags = 0
-      gamma(:lags) = [(1 - k/(lags + 1.0_wp), k=1, lags)]*lagged_products(sequence, lags) &
-         /max(1, length - statistics%parameters)
+      autocovariance(:lags) = [(1 - k/(lags + 1.0_wp), k=1, lags)] &
+         *lagged_products(sequence, lags)/max(1, length - statistics%parameters)
       k = 0
       if (present(group)) k = maxval(group)
       allocate (pull(k, statistics%parameters), share(k, statistics%parameters))
@@ -280,7 +282,7 @@ contains
          if (present(noise)) variance = variance &
             + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:)**2)
          products(:lags) = lagged_products(influence(:m), lags)
-         variance = variance + 2*sum(gamma(:lags)*products(:lags))
+         variance = variance + 2*sum(autocovariance(:lags)*products(:lags))
          if (present(group)) call find_pulls(influence, residual, group, pull(:, j), share(:, j))
          if (variance <= statistics%covariance(j, j)) cycle
          statistics%corrected_error(j) = sqrt(variance)

@@ -29,9 +29,10 @@ module beamid_weak_estimates
    !> Relative standard error above which an estimate is weak: at the end of its interval, the
    !> logarithm of the parameter and its tangent at the estimate differ by a fifth.
    real(wp), parameter :: weak = 0.2_wp
-   !> Relative extension of an interval that is worth a note, and relative error of the ends of
-   !> profiles.
-   real(wp), parameter :: noted = 0.2_wp, close = 0.02_wp
+   !> Relative extension of an interval that is worth a note.
+   real(wp), parameter :: noted = 0.2_wp
+   !> Relative error of the ends of profiles.
+   real(wp), parameter :: end_error = 0.02_wp
    !> Evaluations after which a search for one point of a profile gives up. The start is near the
    !> minimum; a search that needs more creeps along a bound.
    integer, parameter :: patience = 300
@@ -115,7 +116,7 @@ contains
             shift = side%parameters(:, i) - found%fit%estimate
             if (i == size(side%J) .and. side%state == at_bound) shift(k) = side%end &
                - found%fit%estimate(k)
-            where (side%distance(i)*level(k) > (1 + close)*level) shift = 0
+            where (side%distance(i)*level(k) > (1 + end_error)*level) shift = 0
             extended = extended .or. abs(shift) > (1 + noted)*covered
             call found%extend(shift, covered)
          end do

@@ -33,7 +33,7 @@ module beamid_simulation
       type(response_t) :: response               !< at the sample times
       !> (m) acceleration by the observation formula [length/time**2]
       real(wp), allocatable :: acceleration(:)
-      real(wp), allocatable :: force(:)         !< (m) force on the tip [force]
+      real(wp), allocatable :: force(:)         !< (m) force at x_F, or acceleration of the base
       type(work_t) :: work                      !< what the solver did
    end type simulation_t
 

@@ -250,13 +250,13 @@ contains
       real(wp), intent(in) :: frequencies(:), line
       type(error_t), allocatable, intent(out) :: error
       !> A corrected value must lead within this ratio, and at least halve the logarithmic distance.
-      real(wp), parameter :: close = 2
+      real(wp), parameter :: near = 2
       type(suspicion_t), allocatable :: suspicions(:)
       real(wp), allocatable :: corrected(:)
       real(wp) :: distance, least
       integer :: best, k
 
-      least = min(log(close), distance_to(frequencies, line)/2)
+      least = min(log(near), distance_to(frequencies, line)/2)
       if (distance_to(frequencies, line) < log(usual)) return
       call list_suspicions(case, experiment, suspicions)
       best = 0
