@@ -18,7 +18,7 @@ from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
                      open_case, records_of)
 from ._changes import read_groups, without_lines
-from ._fits import Fit, Problem, changed_case, describe_arguments
+from ._fits import Fit, Problem, changed_case, describe_arguments, source_of
 from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
                        table_of, text_of)
 
@@ -47,6 +47,7 @@ class Results:
 
     text: str
     tables: dict[str, str]
+    _units: dict[str, str] = field(default_factory=dict)    #: names of the units by quantity
     _table: ClassVar[str] = ""    #: name of the main table
 
     def __repr__(self) -> str:
@@ -159,7 +160,7 @@ class FrequencyResponse(Results):
         """
         lower, upper = (None, None) if self.band is None else self.band.T
         return _plots.response(self.frequencies, self.h, lower, upper, axes,
-                               "FrequencyResponse.plot")
+                               "FrequencyResponse.plot", self._units)
 
 
 @dataclass(repr=False)
@@ -167,6 +168,10 @@ class Modes(Results):
     """Natural modes of a structure, on the finest mesh.
 
     `text`, `tables`, `summary` and `to_pandas` are those of `Results`.
+
+    Modes are numbered from 1 in the order of `frequencies`, as in the table 'modes.csv'. Rigid-body
+    modes (0 Hz) and overdamped modes count, but have no mode shape: `shapes[i]` is the shape of
+    mode `shape_modes[i]`, whose frequency is ``frequencies[shape_modes[i] - 1]``.
 
     Attributes
     ----------
@@ -176,6 +181,8 @@ class Modes(Results):
         Natural frequencies abs(s)/(2 π), shape (modes,) [1/time].
     damping_ratios : ndarray
         Damping ratios, shape (modes,).
+    shape_modes : ndarray
+        Numbers of the modes whose shapes are in `shapes`, shape (shapes,).
     x : ndarray
         Positions of the mode shapes along the beam, shape (points,) [length].
     shapes : ndarray
@@ -186,11 +193,12 @@ class Modes(Results):
     s: np.ndarray = field(default_factory=lambda: np.empty(0))
     frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
     damping_ratios: np.ndarray = field(default_factory=lambda: np.empty(0))
+    shape_modes: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     x: np.ndarray = field(default_factory=lambda: np.empty(0))
     shapes: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def plot(self, axes: Any = None) -> Any:
-        """Draw the mode shapes.
+        """Draw the mode shapes, each with the number, frequency and damping ratio of its mode.
 
         Parameters
         ----------
@@ -208,10 +216,10 @@ class Modes(Results):
         ValueError
             If no mode oscillates.
         """
-        modes = [(frequency, damping) for s, frequency, damping in zip(
-            self.s, self.frequencies, self.damping_ratios) if s.imag > 0]
+        modes = [(int(number), self.frequencies[number - 1], self.damping_ratios[number - 1])
+                 for number in self.shape_modes]
         return _plots.shapes(self.tables.get("shapes.csv", ""),
-                             self.tables.get("attachments.csv", ""), "", modes, axes)
+                             self.tables.get("attachments.csv", ""), self._units, modes, axes)
 
 
 @dataclass(repr=False)
@@ -450,6 +458,16 @@ def _opened(case: str | PathLike[str] | Problem) -> Handle:
     return open_case(os.fspath(case), "", [], fits=False)
 
 
+def _units_of(case: Case | None, changes: Group) -> dict[str, str]:
+    """Return the names of the units by quantity that a case and the argument `units` give."""
+    named: dict[str, str] = {}
+    if case is not None:
+        named = {key: value.strip("'\"") for name, keys in read_groups(source_of(case)[1])
+                 if name == "units" for key, value in keys.items()}
+    named.update({key: str(value or "") for key, value in (changes or {}).items()})
+    return named
+
+
 def _is_changed(arguments: dict[str, Any]) -> bool:
     """Return whether arguments of a command change the structure of a case. Records belong to the
     structure that was measured: another one is not fitted to them."""
@@ -580,7 +598,7 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     """
     arguments = locals()
     handle = _case_of("case", arguments, is_given=_is_changed(arguments))
-    found = Modes(**_results("modes", [handle], progress))
+    found = Modes(**_results("modes", [handle], progress), _units=_units_of(case, units))
     columns = found._finest("modes.csv")
     found.s = columns["real"] + 1j*columns["imag"]
     found.frequencies, found.damping_ratios = columns["frequency_hz"], columns["damping_ratio"]
@@ -589,6 +607,8 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
         found.x = columns["x"]
         found.shapes = np.array([columns[f"mode_{k}_real"] + 1j*columns[f"mode_{k}_imag"]
                                  for k in range(1, (len(columns) - 1)//2 + 1)])
+        # The table has the lowest modes that oscillate.
+        found.shape_modes = np.flatnonzero(found.s.imag > 0)[:len(found.shapes)] + 1
     return found
 
 
@@ -643,7 +663,7 @@ def frf(case: Case | None = None, *, record: Groups = None,
         arguments["record"] = dict(record, kind="frf")
     # Without lines, the response is that at the lines of the measured one, which belongs to a fit.
     handle = _case_of("case", arguments, is_given=_is_changed(arguments) and record is not None)
-    found = FrequencyResponse(**_results("frf", [handle], progress))
+    found = FrequencyResponse(**_results("frf", [handle], progress), _units=_units_of(case, units))
     columns = found._finest("frf.csv")
     found.frequencies, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]
     if "magnitude_lower95" in columns:

@@ -482,7 +482,7 @@ class Fit:
             if found.record == record:
                 lower, upper = found.band.T
                 return _plots.response(found.frequencies, found.model, lower, upper, axes,
-                                       "Fit.plot", found.measured)
+                                       "Fit.plot", self._units(), found.measured)
         return _plots.fit(self._text("fit.csv"), self._text("labels.csv"), record, axes)
 
     def plot_modes(self, axes: Any = None) -> Any:
@@ -504,10 +504,14 @@ class Fit:
         ValueError
             If the structure has no mode that oscillates.
         """
-        modes = [(mode.frequency, mode.damping_ratio) for mode in self.modes
-                 if mode.record == 1 and mode.s.imag > 0]
+        of_record = [mode for mode in self.modes if mode.record == 1]
+        modes = [(number, mode.frequency, mode.damping_ratio)
+                 for number, mode in enumerate(of_record, start=1) if mode.s.imag > 0]
         return _plots.shapes(self._text("shapes.csv"), self._text("attachments.csv"),
-                             self._text("labels.csv"), modes, axes)
+                             self._units(), modes, axes)
+
+    def _units(self) -> dict[str, str]:
+        return _plots.read_units(self._text("labels.csv"))
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{name}</th>" for name in (
@@ -736,6 +740,22 @@ class Problem:
         return found
 
 
+def source_of(case: str | PathLike[str] | Problem | Fit) -> tuple[str, str, list[AnyRecord]]:
+    """Return path, text and records of a case; raises InputError if its file cannot be read."""
+    problem = case._problem if isinstance(case, Fit) else case
+    records: list[AnyRecord] = []
+    if isinstance(problem, Problem):
+        path, source, records = problem._path, problem._text, list(problem._records)
+    else:
+        path, source = os.fspath(problem), ""
+    if not source:
+        try:
+            source = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from None
+    return path, source if isinstance(source, str) else source.decode(errors="replace"), records
+
+
 def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str, Any], *,
                  grid: bool = False, left_out: Sequence[str] = ()
                  ) -> tuple[str, str, list[AnyRecord]]:
@@ -759,18 +779,7 @@ def changed_case(case: str | PathLike[str] | Problem | Fit, changes: Mapping[str
     NoFit
         If the verdict rejects the fit.
     """
-    problem = case._problem if isinstance(case, Fit) else case
-    records: list[AnyRecord] = []
-    if isinstance(problem, Problem):
-        path, source, records = problem._path, problem._text, list(problem._records)
-    else:
-        path, source = os.fspath(problem), ""
-    if not source:
-        try:
-            source = Path(path).read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}") from None
-    text = source if isinstance(source, str) else source.decode(errors="replace")
+    path, text, records = source_of(case)
     groups = [group for group in read_groups(text) if group[0] not in left_out]
     if not groups:
         raise InputError(f"{path}: found no group of a case file; a record is read by "

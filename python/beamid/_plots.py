@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,7 @@ def fit(table: str, labels: str, record: int, axes: Any) -> Any:
 
 
 def response(frequency: np.ndarray, h: np.ndarray, lower: np.ndarray | None,
-             upper: np.ndarray | None, axes: Any, what: str,
+             upper: np.ndarray | None, axes: Any, what: str, units: Mapping[str, str],
              measured: np.ndarray | None = None) -> Any:
     """Draw magnitude and phase of a frequency response, and of a measured one the residuals.
 
@@ -56,6 +56,8 @@ def response(frequency: np.ndarray, h: np.ndarray, lower: np.ndarray | None,
         Where to draw; None: a new figure.
     what
         Name of the function, for messages.
+    units
+        Names of the units by quantity; empty: not known.
     measured
         Measured response; None: none.
     """
@@ -83,20 +85,22 @@ def response(frequency: np.ndarray, h: np.ndarray, lower: np.ndarray | None,
     phase.plot(frequency, np.degrees(np.angle(h)), ".", color="tab:blue", markersize=2)
     phase.set_ylabel("phase [degrees]")
     phase.set_yticks([-180, -90, 0, 90, 180])
-    drawn[-1].set_xlabel("frequency [1/time]")
+    drawn[-1].set_xlabel(labelled("frequency", frequency_unit(units) or "1/time"))
     return np.array(drawn)
 
 
-def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[float, float]],
-           axes: Any) -> Any:
+def shapes(table: str, attachments: str, units: Mapping[str, str],
+           modes: Sequence[tuple[int, float, float]], axes: Any) -> Any:
     """Draw mode shapes from shapes.csv.
 
     Parameters
     ----------
-    table, attachments, labels
-        shapes.csv, attachments.csv and labels.csv.
+    table, attachments
+        shapes.csv and attachments.csv.
+    units
+        Names of the units by quantity; empty: not known.
     modes
-        Frequency [1/time] and damping ratio of each mode that oscillates.
+        Number, frequency [1/time] and damping ratio of each mode that oscillates.
     axes
         Where to draw; None: a new figure.
     """
@@ -104,18 +108,16 @@ def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[floa
         raise ValueError("plot_modes: found no mode shape, as no mode oscillates")
     columns = read(table)
     x = columns["x"]
-    units = read_units(labels)
-    unit = units.get("time")
-    hertz = " Hz" if unit == "s" else f" 1/{unit}" if unit else ""
+    hertz = f" {frequency_unit(units)}".rstrip()
     count = min((len(columns) - 1)//2, len(modes))
     drawn = panels(count, axes, "plot_modes", figsize=(7, 1 + 1.4*count))
     places = [float(line.rsplit(",", 1)[1]) for line in attachments.splitlines()[1:]]
-    for k, (panel, (frequency, damping)) in enumerate(zip(drawn, modes), start=1):
+    for k, (panel, (number, frequency, damping)) in enumerate(zip(drawn, modes), start=1):
         shape = columns[f"mode_{k}_real"]
         panel.axhline(0, color="grey", linewidth=0.6)
-        panel.plot(x, shape, color="tab:blue", label=f"mode {k}")
+        panel.plot(x, shape, color="tab:blue", label=f"mode {number}")
         panel.plot(places, np.interp(places, x, shape), "ks", markersize=5)
-        panel.set_title(f"mode {k}: {frequency:.5g}{hertz}, damping ratio {damping:.3g}",
+        panel.set_title(f"mode {number}: {frequency:.5g}{hertz}, damping ratio {damping:.3g}",
                         fontsize=10)
         panel.set_yticks([])
     drawn[-1].set_xlabel(labelled("x", units.get("length")))
@@ -180,6 +182,12 @@ def read_units(labels: str) -> dict[str, str]:
     """Return the units of labels.csv by quantity."""
     rows = (line.partition(",") for line in labels.splitlines()[1:])
     return {quantity: unit for quantity, _, unit in rows}
+
+
+def frequency_unit(units: Mapping[str, str]) -> str:
+    """Return the unit of frequencies; '': not known."""
+    unit = units.get("time")
+    return "Hz" if unit == "s" else f"1/{unit}" if unit else ""
 
 
 def labelled(name: str, unit: str | None) -> str:

@@ -150,6 +150,36 @@ def test_modes_of_a_bare_beam():
     np.testing.assert_allclose(mine/mine[-1], shape/shape[-1], atol=1e-7)
 
 
+def test_modes_of_a_free_bar():
+    """Rigid-body modes count, but have no shape: the first shape is that of mode 3, with the two
+    nodes and the frequency of the first bending mode of a free bar (4.7300 is a root of
+    cos z cosh z = 1). Titles and labels say so, with units."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from matplotlib import pyplot
+    beam = dict(length=0.5, width=0.03, height=0.003, density=2700, E=7e10)
+    ends = [dict(at="root", kind="free"), dict(at="tip", kind="free")]
+    found = beamid.modes(beam=beam, end=ends, units=dict(length="m", time="s"))
+    radius = beam["height"]/np.sqrt(12)
+    first = 4.7300407**2*radius*np.sqrt(beam["E"]/beam["density"])/(2*np.pi*beam["length"]**2)
+    assert found.shape_modes.tolist() == list(range(3, 3 + len(found.shapes)))
+    for number, shape in zip(found.shape_modes[:5], found.shapes):
+        assert np.count_nonzero(np.diff(np.sign(shape.real))) == number - 1
+    # 1e-6: the error of the mesh is far smaller.
+    assert found.frequencies[found.shape_modes[0] - 1] == pytest.approx(first, rel=1e-6)
+    panels = found.plot()
+    title = panels[0].get_title() + panels[0].get_title("left")
+    assert title.startswith(f"mode 3: {first:.5g} Hz,")
+    assert panels[-1].get_xlabel() == "x [m]"
+    changed = beamid.modes(NOISY, hose=dict(m_H=0.01), units=dict(time="ms"))
+    assert changed.plot()[-1].get_xlabel() == "x [ft]"
+    assert " 1/ms," in changed.plot()[0].get_title() + changed.plot()[0].get_title("left")
+    lines = beamid.frf(NOISY, record=dict(f_first=0.1, f_last=1, f_step=0.1))
+    assert lines.plot()[-1].get_xlabel() == "frequency [Hz]"
+    bare = beamid.frf(beam=beam, record=dict(f_first=1, f_last=5, f_step=1))
+    assert bare.plot()[-1].get_xlabel() == "frequency [1/time]"
+    pyplot.close("all")
+
+
 def test_frequency_response_of_a_bare_beam():
     """Receptance at the tip of a clamped beam without damping below its first resonance, in closed
     form. A mesh of 32 elements of degree 5 is exact to 1e-9."""
