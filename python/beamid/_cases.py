@@ -146,6 +146,16 @@ class TableRecord:
         return text.replace(self._file, str(path).replace("'", "''"))
 
 
+class Lines:
+    """A place for a group &record that has frequencies and no measured values."""
+
+    t: ArrayLike = ()
+    a: ArrayLike = ()
+
+    def check(self) -> None:
+        """Accept the group: the library checks its frequencies."""
+
+
 class FrequencyRecord(TableRecord):
     """A measured frequency response function (FRF): response per unit force, with the convention
     e^(+i omega t).
@@ -321,7 +331,7 @@ def unknown_group(name: str) -> InputError:
     return InputError(f"found {name}, expected one of {', '.join(GROUPS)}")
 
 
-def open_case(path: str, text: str | bytes, records: Sequence[AnyRecord], *,
+def open_case(path: str, text: str | bytes, records: Sequence[AnyRecord | Lines], *,
               fits: bool) -> Handle:
     """Open a case in the library.
 

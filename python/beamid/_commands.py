@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
-                     open_case, records_of)
-from ._changes import read_groups, without_lines
+from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Lines, Names, as_list, case_text,
+                     given, group, open_case, records_of)
+from ._changes import STAGE, read_groups, text_of_groups, without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments, source_of
-from ._library import (Handle, InputError, Progress, beginning, compute, documented, optional,
+from ._library import (Handle, InputError, NoFit, Progress, beginning, compute, documented, optional,
                        table_of, text_of)
 
 if TYPE_CHECKING:
@@ -468,10 +468,38 @@ def _units_of(case: Case | None, changes: Group) -> dict[str, str]:
     return named
 
 
+def _changes_of(arguments: dict[str, Any]) -> set[str]:
+    """Return the names of the arguments that change a case; names of units do not."""
+    return {name for name, value in given(arguments, "case", "progress", "units").items()
+            if value is not None}
+
+
 def _is_changed(arguments: dict[str, Any]) -> bool:
     """Return whether arguments of a command change the structure of a case. Records belong to the
     structure that was measured: another one is not fitted to them."""
     return any(arguments.get(name) for name in STRUCTURE)
+
+
+def _open_with_lines(case: str | PathLike[str] | Problem, changes: dict[str, Any]) -> Handle:
+    """Return the handle of a case with its measured records, and with frequencies at which the
+    response of the fitted structure is computed.
+
+    Parameters
+    ----------
+    case
+        Path of a case file, or a problem.
+    changes
+        Arguments of `frf` by name; `record` has the frequencies.
+    """
+    lines = changes.pop("record")
+    path, text, records = changed_case(case, changes)
+    held: list[AnyRecord | Lines] = list(records)
+    groups = [(name, keys) for name, keys in read_groups(text)
+              if name != "record" or held or "file" in keys]
+    if held:
+        held.append(Lines())
+    with without_lines(path):
+        return open_case(path, text_of_groups(groups) + group("record", lines), held, fits=False)
 
 
 def _case_of(first: str, arguments: dict[str, Any], fits: bool = False,
@@ -570,8 +598,10 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
           **other: Any) -> Modes:
     """Compute the natural modes of a structure, as the command `modes` does.
 
-    If the case can be fitted and its structure is not changed here, `Modes.tables` also has the
-    modes of the fitted structure with their intervals, `modes_fitted.csv`.
+    `Modes.tables` also has 'modes_fitted.csv', the modes of the fitted structure with their 95 %
+    intervals, in two cases: for a `Fit` without other arguments than `units`, and for a problem or
+    a case file that can be fitted and whose structure is not changed here. A problem is fitted for
+    this purpose, and its other modes are those of the values in the case.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
     `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`;
@@ -602,6 +632,8 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     columns = found._finest("modes.csv")
     found.s = columns["real"] + 1j*columns["imag"]
     found.frequencies, found.damping_ratios = columns["frequency_hz"], columns["damping_ratio"]
+    if isinstance(case, Fit) and not _changes_of(arguments):
+        found.tables["modes_fitted.csv"] = case.tables["modes.csv"]
     if "shapes.csv" in found.tables:
         columns = _plots.read(found.tables["shapes.csv"])
         found.x = columns["x"]
@@ -623,9 +655,16 @@ def frf(case: Case | None = None, *, record: Groups = None,
         units: Group = None, progress: Progress | None = None, **other: Any) -> FrequencyResponse:
     """Compute the frequency response of a structure, as the command `frf` does.
 
-    If the case can be fitted, it is the response of the fitted structure, with its 95 % band. With
-    `record` and a change of the structure, nothing is fitted: the record of the case belongs to the
-    structure that was measured.
+    A problem or a case file that can be fitted is fitted first: the response is that of the fitted
+    structure, with its 95 % band. Of a `Fit`, it is the same response with the same band; for the
+    band, the search is repeated from the start values of the fit. Without `record`, the response is
+    computed at the lines of the first measured response; time records and tables of modes have no
+    lines.
+
+    If `record` and a change of the structure are given, nothing is fitted, because the records of
+    the case belong to the structure that was measured. Beside a `Fit`, any argument other than
+    `record` and `units` changes the fitted structure, needs `record`, and gives a response without
+    a band.
 
     The other arguments are those of `Problem`, which describes them with their units: `free`,
     `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `mass`, `hose`, `sensor`,
@@ -636,11 +675,11 @@ def frf(case: Case | None = None, *, record: Groups = None,
     ----------
     case : str, os.PathLike, Problem or Fit, optional
         A case, or a fit, whose estimates are then the values of the case, on the mesh of the fit.
-        The other arguments change the case, as in ``frf(fit, beam=dict(length=0.44))``.
+        The other arguments change the case: ``frf(fit, beam=dict(length=0.44), record=...)``.
     record : mapping
-        Frequencies `f_first`, `f_last`, `f_step` [1/time], position of the force `x_F` [length],
-        `quantity` ('accelerance', 'mobility' or 'receptance'), `exponential_window` [1/time],
-        `sensor`.
+        Frequencies of the response, `f_first`, `f_last`, `f_step` [1/time]; position of the force,
+        `x_F` [length]; `quantity` ('accelerance', 'mobility' or 'receptance'),
+        `exponential_window` [1/time], `sensor`.
     records : FrequencyRecord or sequence of records, optional
         In place of `record`: records to fit. The response is computed at the lines of the first
         `FrequencyRecord`.
@@ -661,8 +700,25 @@ def frf(case: Case | None = None, *, record: Groups = None,
     arguments = locals()
     if isinstance(record, Mapping):
         arguments["record"] = dict(record, kind="frf")
-    # Without lines, the response is that at the lines of the measured one, which belongs to a fit.
-    handle = _case_of("case", arguments, is_given=_is_changed(arguments) and record is not None)
+    changes = _changes_of(arguments)
+    if isinstance(case, Fit):
+        if changes <= {"record"}:
+            if case.no_fit:
+                raise NoFit(case.no_fit, case)
+            arguments["case"] = case._problem_from_start()
+        elif record is None and not changes & {*STAGE, "stages", "records"}:
+            raise InputError(f"frf: found {', '.join(sorted(changes))} beside a fit and no record, "
+                             "expected record=dict(f_first=..., f_last=..., f_step=...): the lines "
+                             "of a measured response belong to the structure that was measured")
+    source = arguments["case"]
+    if isinstance(source, (Problem, str, PathLike)) and isinstance(record, Mapping) \
+            and not _is_changed(arguments):
+        handle = _open_with_lines(source, {name: value for name, value in given(
+            arguments, "case", "progress").items() if value is not None})
+    else:
+        # Without lines, the response is that at the lines of the measured one, which belongs to a
+        # fit.
+        handle = _case_of("case", arguments, is_given=_is_changed(arguments) and record is not None)
     found = FrequencyResponse(**_results("frf", [handle], progress), _units=_units_of(case, units))
     columns = found._finest("frf.csv")
     found.frequencies, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from . import _plots
 from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
-                     open_case, records_of)
+                     open_case, records_of, written)
 from ._changes import (STAGE, change, change_all, read_groups, set_estimates,
                        text_of_groups, without_lines)
 from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
@@ -255,6 +255,20 @@ class Fit:
                 compute("beamid_infer", self._handle.number, name, len(name), progress=progress)
         if command not in self._commands:
             self._commands = [*self._commands, command]
+
+    def _problem_from_start(self) -> Problem:
+        """Return the problem whose fit this is: that of the case, with the start values of this
+        fit."""
+        start = self._search[0]
+        if not start.size:
+            return self._problem
+        path, text, records = source_of(self._problem)
+        groups = read_groups(text)
+        next(keys for name, keys in groups if name == "stage")["start"] = written(start)
+        problem = Problem.__new__(Problem)
+        with without_lines(path):
+            problem._set(path, text_of_groups(groups), records)
+        return problem
 
     @property
     def names(self) -> list[str]:

@@ -128,8 +128,31 @@ def test_modes_of_a_changed_structure_are_not_fitted():
     found = beamid.modes(problem, tip=dict(m_T=0.3))
     assert "modes_fitted.csv" not in found.tables
     assert found.frequencies[0] < beamid.modes(problem).frequencies[0]
-    band = beamid.frf(problem, tip=dict(m_T=0.3), record=dict(f_first=0.1, f_last=1, f_step=0.1))
-    assert "magnitude_lower95" not in band.tables["frf.csv"].splitlines()[0].split(",")
+    lines = dict(f_first=0.1, f_last=1, f_step=0.1)
+    assert beamid.frf(problem, tip=dict(m_T=0.3), record=lines).band is None
+
+
+def test_modes_and_responses_of_a_fit_are_those_of_its_problem():
+    """Modes with intervals, and a frequency response with its band, from a record in time; other
+    arguments change the structure, which was not measured."""
+    problem = beamid.load(NOISY)
+    fit = problem.fit()
+    fitted = beamid.modes(fit)
+    assert fitted.tables["modes_fitted.csv"] == beamid.modes(problem).tables["modes_fitted.csv"]
+    assert "modes_fitted.csv" not in beamid.modes(fit, tip=dict(m_T=0.3)).tables
+    lines = dict(f_first=0.1, f_last=1, f_step=0.1)
+    found = beamid.frf(fit, record=lines)
+    assert found.tables == beamid.frf(problem, record=lines).tables
+    assert (found.band[:, 0] < abs(found.h)).all() and (abs(found.h) < found.band[:, 1]).all()
+    estimates = {name: fit[name].value for name in FREE}
+    beam, tip = dict(MODEL["beam"], c_D=estimates.pop("c_D")), MODEL["tip"]
+    bare = beamid.frf(record=lines, beam=beam, tip=tip, hose=estimates,
+                      discretization=dict(degree=3, elements=4))
+    np.testing.assert_allclose(found.h, bare.h, rtol=1e-9)
+    with pytest.raises(beamid.InputError, match="expected one, with f_first, f_last and f_step"):
+        beamid.frf(fit)
+    memory = beamid.fit(fit.t, fit.measured, free=FREE, start=[0.0035, 0.035, 0.0035, 0.4], **MODEL)
+    assert beamid.frf(memory, record=lines).band.tolist() == found.band.tolist()
 
 
 def test_modes_of_a_bare_beam():
@@ -736,7 +759,9 @@ def test_commands_take_a_fit(fit):
     np.testing.assert_allclose(simulation.acceleration, fit.model, rtol=0, atol=1e-12)
     structure = {key: fitted[key] for key in ("beam", "tip", "hose", "discretization")}
     lines = dict(f_first=0.1, f_last=2, f_step=0.1, x_F=3)
-    assert (beamid.frf(fit, record=lines).h == beamid.frf(record=lines, **structure).h).all()
+    # The search for the band ends within 1e-6 standard errors, which are some 1 % of the values.
+    np.testing.assert_allclose(beamid.frf(fit, record=lines).h,
+                               beamid.frf(record=lines, **structure).h, rtol=1e-7)
     grid, noise = dict(t_first=0.1, t_last=5, t_step=0.05), dict(sd=0.016)
     plan = beamid.design(fit, record=grid, noise=noise, design=dict(x_S=[2, 4]))
     other = beamid.design(record=grid, free=FREE, noise=noise, design=dict(x_S=[2, 4]), **fitted,
@@ -1002,6 +1027,19 @@ def test_response_of_a_fitted_structure(strip_response):
     np.testing.assert_allclose(found.h, fit.frequency_responses[0].model, rtol=1e-9)
     np.testing.assert_allclose(found.band, fit.frequency_responses[0].band, rtol=1e-6)
     assert strip_response.band is None
+    # Of the fit it is the same, also at other lines, and from other start values.
+    again = beamid.frf(fit)
+    assert again.tables == found.tables and (again.band == found.band).all()
+    few = dict(f_first=5, f_last=200, f_step=39, x_F=LINES["x_F"])
+    for case in (fit, fit._problem):
+        other = beamid.frf(case, record=few)
+        assert other.h.tolist() == found.h[::39].tolist()
+        assert other.band.tolist() == found.band[::39].tolist()
+    elsewhere = fit._problem.fit([7.1e10, 1.5e6, 0.06])
+    np.testing.assert_allclose(beamid.frf(elsewhere).band, found.band, rtol=1e-4)
+    with pytest.raises(beamid.InputError, match="found beam, tip beside a fit and no record"):
+        beamid.frf(fit, beam=dict(length=0.4), tip=dict(m_T=0.01))
+    assert beamid.frf(fit, beam=dict(length=0.4), record=few).band is None
 
 
 def test_modes_in_memory():
