@@ -19,8 +19,8 @@ from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Lines, Names, as_list,
                      given, group, open_case, records_of)
 from ._changes import STAGE, read_groups, text_of_groups, without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments, source_of
-from ._library import (Handle, InputError, NoFit, Progress, beginning, compute, documented, optional,
-                       table_of, text_of)
+from ._library import (Handle, InputError, NoFit, Progress, beginning, compute, documented,
+                       optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas

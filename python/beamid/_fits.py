@@ -23,8 +23,8 @@ from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_t
                      open_case, records_of, written)
 from ._changes import (STAGE, change, change_all, read_groups, set_estimates,
                        text_of_groups, without_lines)
-from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, documented, numbers,
-                       optional, table_of, text_of)
+from ._library import (Handle, InputError, NoFit, Progress, array_of, call, compute, documented,
+                       numbers, optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
@@ -197,7 +197,8 @@ class Fit:
         self._handle: Handle | None = handle
         self._problem = problem
         self._search = start, check
-        self._commands: list[str] = []
+        #: Commands that have added intervals, and for each the text of a case with its settings.
+        self._commands: dict[str, str] = {}
         self._arrays: dict[str, np.ndarray] = {}
         self._texts: dict[str, str] = {}
 
@@ -236,25 +237,45 @@ class Fit:
                 compute("beamid_judge", handle.number, progress=progress)
                 handle.is_judged = True
 
-    def _infer(self, command: str, progress: Progress | None) -> None:
-        """Add the tables of a command to those of the fit."""
+    def _infer(self, command: str, settings: Mapping[str, Any], progress: Progress | None) -> None:
+        """Add the tables of a command to those of the fit.
+
+        Parameters
+        ----------
+        command
+            'profile', 'sample' or 'bootstrap'.
+        settings
+            Keys of the groups `sample` and `bootstrap` that differ from those of the case.
+        """
         if self.no_fit:
             raise NoFit(self.no_fit, self)
-        commands = [command]
+        text = changed_case(self._problem, settings)[1] if settings else ""
+        commands = {command: text}
         if self._handle is None:
             # The fit inside the library stayed in another process: it is made again, with the
             # intervals that it had.
-            commands = [*self._commands, command]
+            commands = {**self._commands, **commands}
             handle = self._problem._search(*self._search, progress)
             compute("beamid_judge", handle.number, progress=progress)
             handle.is_judged = True
             self._handle = handle
-        for item in commands:
+        for item, its_text in commands.items():
             name = item.encode()
             with self._handle.lock:
+                self._set_methods(self._handle, its_text)
                 compute("beamid_infer", self._handle.number, name, len(name), progress=progress)
-        if command not in self._commands:
-            self._commands = [*self._commands, command]
+        self._commands = {**self._commands, command: text}
+
+    def _set_methods(self, fit: Handle, text: str) -> None:
+        """Give the fit in the library the settings of `sample` and `bootstrap` in the text of a
+        case; '': those of its own case."""
+        if fit.methods == text:
+            return
+        path, own, _ = source_of(self._problem)
+        with without_lines(path):
+            case = open_case(path, text or own, [], fits=False)
+        call("beamid_set_methods", fit.number, case.number)
+        fit.methods = text
 
     def _problem_from_start(self) -> Problem:
         """Return the problem whose fit this is: that of the case, with the start values of this

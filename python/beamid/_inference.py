@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import AnyRecord, Group, Groups, Names
+from ._cases import AnyRecord, Group, Groups, Names, given
 from ._fits import Fit, Subject, describe_arguments, fitted
 from ._library import InputError, Progress, beginning, documented, optional, table_of
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import pandas
 
 CHAINS = 4
+#: Groups that hold settings of a method.
+METHODS = ("sample", "bootstrap")
 
 
 @documented
@@ -37,7 +39,9 @@ class Interval(NamedTuple):
     unit : str
         Unit of the parameter; empty without the argument `units`.
     estimate : float
-        Estimate by the fit.
+        Estimate by the method. 'linear' and 'profile': estimate by the fit. 'posterior': mean of
+        the draws. 'percentile' and 'bca': mean of the estimates from resampled records. For a
+        stiffness such as `k_R`, the reciprocal of the mean of its reciprocal 1/k_R.
     lower : float
         Lower end of the interval; -inf or inf: there is no end.
     upper : float
@@ -290,14 +294,38 @@ def _profiles(text: str, elements: int) -> tuple[list[str], dict[str, Profile]]:
 
 
 @overload
-def infer(command: Literal["profile"], fit: Fit, progress: Progress | None) -> Profiles: ...
+def infer(command: Literal["profile"], arguments: dict[str, Any],
+          progress: Progress | None) -> Profiles: ...
 @overload
-def infer(command: Literal["sample"], fit: Fit, progress: Progress | None) -> Posterior: ...
+def infer(command: Literal["sample"], arguments: dict[str, Any],
+          progress: Progress | None) -> Posterior: ...
 @overload
-def infer(command: Literal["bootstrap"], fit: Fit, progress: Progress | None) -> Bootstrap: ...
-def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
-    """Return the results of a command that starts from a fit."""
-    fit._infer(command, progress)
+def infer(command: Literal["bootstrap"], arguments: dict[str, Any],
+          progress: Progress | None) -> Bootstrap: ...
+def infer(command: str, arguments: dict[str, Any], progress: Progress | None) -> Inference:
+    """Return the results of a command that starts from a fit.
+
+    Parameters
+    ----------
+    command
+        'profile', 'sample' or 'bootstrap'.
+    arguments
+        `locals()` at the beginning of the function of this name.
+    progress
+        See `Problem.fit`.
+    """
+    settings: dict[str, Any] = {}
+    if isinstance(arguments["t"], Fit):
+        # Settings of a method change neither the case nor its fit.
+        arguments = dict(arguments)
+        settings = {name: arguments[name] for name in METHODS if arguments[name] is not None}
+        others = given(arguments, "t", "progress", *METHODS)
+        if all(value is None for value in others.values()):
+            arguments.update(dict.fromkeys(METHODS))
+        else:
+            settings = {}
+    fit = fitted(arguments, progress)
+    fit._infer(command, settings, progress)
     tables = {name: text for name, text in fit.tables.items() if name in (
         "intervals.csv", "profiles.csv", "posterior.csv", "posterior_motion.csv",
         "posterior_modes.csv", "bootstrap.csv")}
@@ -343,7 +371,8 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
-        arguments then change the case, as in `fit`, and a changed case is fitted again.
+        arguments then change the case, as in `fit`, and a changed case is fitted again. Beside a
+        `Fit`, `sample` and `bootstrap` alone are settings: the fit stays, and so do its intervals.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 
@@ -363,7 +392,7 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
     if "parameters" in other:
         raise InputError("profile: found parameters, expected none: every free parameter gets a "
                          "profile, and profile(fit)['E'] is that of E")
-    return infer("profile", fitted(locals(), progress), progress)
+    return infer("profile", locals(), progress)
 
 
 @describe_arguments
@@ -391,7 +420,8 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
-        arguments then change the case, as in `fit`, and a changed case is fitted again.
+        arguments then change the case, as in `fit`, and a changed case is fitted again. Beside a
+        `Fit`, `sample` and `bootstrap` alone are settings: the fit stays, and so do its intervals.
     sample : mapping, optional
         Settings of the draws: `draws`, `seed`, `method`, `noise`.
     progress : bool or callable, optional
@@ -410,7 +440,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
     NoFit
         If the search ends, but does not explain the records.
     """
-    return infer("sample", fitted(locals(), progress), progress)
+    return infer("sample", locals(), progress)
 
 
 @describe_arguments
@@ -437,7 +467,8 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = 
     ----------
     t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or the path of a case file, a `Problem` or a `Fit`. The other
-        arguments then change the case, as in `fit`, and a changed case is fitted again.
+        arguments then change the case, as in `fit`, and a changed case is fitted again. Beside a
+        `Fit`, `sample` and `bootstrap` alone are settings: the fit stays, and so do its intervals.
     bootstrap : mapping, optional
         Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     progress : bool or callable, optional
@@ -456,4 +487,4 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = 
     NoFit
         If the search ends, but does not explain the records.
     """
-    return infer("bootstrap", fitted(locals(), progress), progress)
+    return infer("bootstrap", locals(), progress)

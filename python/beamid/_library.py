@@ -67,6 +67,7 @@ def _open_library(kind: type[ctypes.CDLL]) -> ctypes.CDLL:
         "beamid_close": (c_int, c_longlong, *message),
         "beamid_fit": (c_int, c_longlong, c_int, c_int, c_void_p, POINTER(c_longlong), *message),
         "beamid_judge": (c_int, c_longlong, *message),
+        "beamid_set_methods": (c_int, c_longlong, c_longlong, *message),
         "beamid_infer": (c_int, c_longlong, c_char_p, c_int, *message),
         "beamid_run": (c_int, c_char_p, c_int, c_int, POINTER(c_longlong), c_char_p, c_int,
                        POINTER(c_longlong), *message),
@@ -227,6 +228,7 @@ class Handle:
 
     def __init__(self) -> None:
         self.is_judged = False          #: of a fit: its verdict is there
+        self.methods = ""               #: of a fit: text of the case with its settings, or ''
         self.number = c_longlong(0)     #: 0 until the library has written it
         self.lock = threading.RLock()   #: the library allows one call at a time for a fit
         self.folder: Any = None         #: temporary folder with files that a case names

@@ -727,8 +727,6 @@ def test_arguments_change_a_case(fit, record):
     half = beamid.fit(fit, records=beamid.Record(t[:30], a[:30]))
     assert half.t.size == 30 and half.names == FREE
     assert (beamid.fit(fit, record=dict(t_last=3.0)).t < 3.05).all()
-    few = beamid.sample(fit, sample=dict(draws=400, seed=7))
-    assert few.draws.shape == (4, 100, 4) and (few.fit.values == fit.values).all()
     structure = {key: longer[key] for key in ("beam", "tip", "hose", "discretization")}
     assert (beamid.modes(NOISY, beam=dict(length=4.2), stages=[]).frequencies
             == beamid.modes(**structure).frequencies).all()
@@ -747,6 +745,39 @@ def test_arguments_change_a_case(fit, record):
         beamid.fit(NOISY, free="q")
     with pytest.raises(beamid.InputError, match=r"nowhere\.nml: No such file"):
         beamid.modes("nowhere.nml", beam=dict(length=1))
+
+
+def test_settings_of_a_method_do_not_change_the_fit(record):
+    """The fit collects the intervals of all methods with any settings, and the numbers are those of
+    a fit that has these settings from the beginning."""
+    keys = dict(free=FREE, **MODEL, **NAMES)
+    problem = beamid.Problem(*record, **keys)
+    fit = problem.fit()
+    seed, n = dict(draws=400, seed=7), dict(n=100, seed=4)
+    few = beamid.sample(fit, sample=seed)
+    again = beamid.bootstrap(fit, bootstrap=n)
+    assert few.fit is fit and again.fit is fit
+    assert {item.method for item in again.intervals} == {"linear", "profile", "posterior",
+                                                         "percentile", "bca"}
+    other = beamid.Problem(*record, sample=seed, bootstrap=n, **keys).fit()
+    assert few.draws.shape == (4, 100, 4) and (few.draws == beamid.sample(other).draws).all()
+    assert (again.estimates == beamid.bootstrap(other).estimates).all()
+    # Without settings, those of the case count again; a copy by pickle keeps the intervals.
+    assert (beamid.bootstrap(fit).estimates == beamid.bootstrap(problem.fit()).estimates).all()
+    restored = pickle.loads(pickle.dumps(fit))
+    assert beamid.profile(restored).tables == beamid.profile(fit).tables
+    assert restored.tables == fit.tables
+    with pytest.raises(beamid.InputError, match="&sample draws: found -1"):
+        beamid.sample(fit, sample=dict(draws=-1))
+    assert (beamid.sample(fit, sample=seed).draws == few.draws).all()
+    changed = beamid.bootstrap(fit, bootstrap=n, record=dict(t_last=4.5))
+    assert changed.fit is not fit and changed.fit.t[-1] < 4.55 and len(changed.estimates) == 100
+    # Estimates of these methods are means.
+    for k, name in enumerate(FREE):
+        assert few.interval(name, "posterior").estimate == pytest.approx(
+            few.values(name).mean(), rel=1e-12)
+        assert again.interval(name, "bca").estimate == pytest.approx(
+            again.estimates[:, k].mean(), rel=1e-12)
 
 
 def test_commands_take_a_fit(fit):

@@ -420,6 +420,12 @@ def test_handles(record):
     number = ctypes.c_longlong(twins[0]._handle.number.value)
     with pytest.raises(beamid.InputError, match="handle of a fit, expected an open case"):
         library.call("beamid_respond", number, 0, None, 0, None, None)
+    with pytest.raises(beamid.InputError, match="handle of a fit, expected an open case"):
+        library.call("beamid_set_methods", number, number)
+    case = twins[2]._handle.number
+    with pytest.raises(beamid.InputError, match="found a fit that another call is using"):
+        library.call("beamid_set_methods", case, case)
+    assert (twins[2].fit().values == values).all()
     del twins
     gc.collect()
     with pytest.raises(beamid.InputError, match="null or closed"):

@@ -41,8 +41,8 @@ module beamid_c
    private
 
    public :: beamid_watch_forks, beamid_begin, beamid_end, beamid_open, beamid_close, beamid_fit, &
-      beamid_judge, beamid_infer, beamid_respond, beamid_run, beamid_array, beamid_text, &
-      beamid_groups, beamid_track_begin, beamid_track_take, beamid_track_rows
+      beamid_judge, beamid_set_methods, beamid_infer, beamid_respond, beamid_run, beamid_array, &
+      beamid_text, beamid_groups, beamid_track_begin, beamid_track_take, beamid_track_rows
 
 contains
 
@@ -259,6 +259,32 @@ contains
       end if
       status = told(error, message)
    end function beamid_judge
+
+   !> Gives a fit the settings of `sample` and `bootstrap` that an open case has. They do not change
+   !> the fit itself.
+   !>
+   !> handle  of the fit
+   !> of      handle of the case
+   integer(c_int) function beamid_set_methods(handle, of, message, room) result(status) bind(c)
+      integer(c_int64_t), value, intent(in) :: handle, of
+      integer(c_int), value, intent(in) :: room
+      character(kind=c_char), intent(inout) :: message(room)
+      type(problem_t), pointer :: problem
+      type(outcome_t), pointer :: outcome
+      type(error_t), allocatable :: error
+
+      call borrow_problem(of, problem, error)
+      if (.not. allocated(error)) then
+         call borrow_outcome(handle, outcome, error)
+         if (.not. allocated(error)) then
+            outcome%case%sampling = problem%case%sampling
+            outcome%case%bootstrap = problem%case%bootstrap
+            call give_back(handle)
+         end if
+         call give_back(of)
+      end if
+      status = told(error, message)
+   end function beamid_set_methods
 
    !> Runs `profile`, `sample` or `bootstrap` from a judged fit. Adds the tables of the command to
    !> those of the fit, including intervals.csv with the rows of earlier calls, and sets the text
