@@ -1,7 +1,9 @@
 """Arguments as the text of a case file: the library reads and checks nothing else."""
 from __future__ import annotations
 
+import difflib
 import inspect
+import re
 import tempfile
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,18 +14,25 @@ from typing import Any, Optional, Union
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._library import Handle, InputError, compute, groups as known_groups, numbers
+from ._library import (Handle, InputError, complex_numbers, compute, groups as known_groups,
+                       numbers)
 
 #: Groups of a case file that are given by their name. Asked for at once, as a forked child may not
 #: be able to ask.
 GROUPS = [name for name in known_groups() if name not in ("record", "stage")]
 
-#: Frequent keys of groups, for messages.
+#: Frequent keys of groups, for messages. The first group that has a key is named.
 KEYS = {
-    "beam": "length E c_D rho density I width height gamma k_R c_R", "tip": "m_T J_T",
-    "sensor": "x_S m_S J_S", "support": "x_P k_P c_P", "hose": "x_H m_H c_H k_H",
+    "beam": "length E c_D rho density I width height gamma eta a_h b_h d_1 b_1 d_2 b_2 k_R c_R",
+    "tip": "m_T J_T", "sensor": "x_S m_S J_S", "support": "x_P k_P c_P",
+    "hose": "x_H m_H c_H k_H",
     "excitation": "kind amplitude duration displacement force modes x_F", "gravity": "g direction",
-    "discretization": "degree elements", "sample": "draws", "noise": "seed"}
+    "discretization": "degree elements", "noise": "seed sd", "sample": "draws seed method noise",
+    "bootstrap": "n seed kind block", "ensemble": "members seed command",
+    "track": "parameter window hop rate frequency_error",
+    "design": "x_S x_F duration t_first t_last t_step f_first f_last f_step noise_sd target"}
+#: Arguments that are not groups.
+ARGUMENTS = ("record", "records", "free", "start", "lower", "upper", "shared", "stages")
 
 #: Name of a case in messages that has no file.
 IN_MEMORY = "beamid"
@@ -41,10 +50,12 @@ class Record:
     Parameters
     ----------
     t : array_like of shape (m,)
-        Times of the samples, ascending [time].
+        Times of the samples, ascending [time]. A column or a row, of shape (m, 1) or (1, m), is
+        accepted, too.
     a : array_like of shape (m,)
-        Values of the samples. The acceleration [length/time²] is ``scale*(a - offset)``. Masked
-        samples are left out.
+        Values of the samples; also a column or a row. The acceleration [length/time²] is
+        ``scale*(a - offset)``. Masked samples are left out: ``np.ma.masked_invalid(a)`` masks those
+        that are nan or infinite.
     t_first, t_last : float, optional
         Times of the first and the last sample that a fit uses [time]. Default: all samples. With
         ``excitation=dict(kind="free")``, a quiet stretch before the motion is left out by default.
@@ -76,7 +87,7 @@ class Record:
     Raises
     ------
     InputError
-        If times or values are not real numbers, or their numbers differ.
+        If times or values are not finite real numbers, or their numbers differ.
     """
 
     def __init__(self, t: ArrayLike, a: ArrayLike, *, t_first: float | None = None,
@@ -86,14 +97,17 @@ class Record:
                  thin: int | None = None, sd: float | None = None, length: float | None = None,
                  x_S: float | None = None, x_P: float | None = None, sensor: str | None = None,
                  experiment: int | None = None, **other: Any) -> None:
+        places: np.ndarray | None = None
         if np.ma.is_masked(t) or np.ma.is_masked(a):
             sizes = np.size(t), np.size(a)
             if sizes[0] == sizes[1]:
                 both: list[Any] = [np.ma.asanyarray(values).ravel() for values in (t, a)]
                 kept = ~(np.ma.getmaskarray(both[0]) | np.ma.getmaskarray(both[1]))
                 t, a = (np.ma.getdata(values)[kept] for values in both)
+                places = np.flatnonzero(kept)
         self.t = numbers(t, "times of a record").copy()
         self.a = numbers(a, "values of a record").copy()
+        self._check_finite(places)
         self.keys = dict(
             t_first=t_first, t_last=t_last, t_step=t_step, scale=scale, offset=offset,
             clip_low=clip_low, clip_high=clip_high, thin=thin, sd=sd, length=length, x_S=x_S,
@@ -105,6 +119,22 @@ class Record:
         if np.size(self.t) != np.size(self.a):
             raise InputError(f"Record: found {np.size(self.t)} times and {np.size(self.a)} values, "
                              "expected as many of one as of the other")
+        self._check_finite()
+
+    def _check_finite(self, places: np.ndarray | None = None) -> None:
+        """Raise InputError if a time or a value is not finite.
+
+        places  indices of the samples in the arrays of the user; None: 0, 1, ...
+        """
+        for what, values in (("times", self.t), ("values", self.a)):
+            if not np.isfinite(values).all():
+                k = int(np.flatnonzero(~np.isfinite(values))[0])
+                name = what[0] if what == "times" else "a"
+                index = k if places is None else places[k]
+                raise InputError(
+                    f"{what} of a record: found {values[k]} at index {index} ({name}[0] is the "
+                    f"first sample), expected finite numbers; np.ma.masked_invalid({name}) leaves "
+                    "such samples out")
 
 
 class TableRecord:
@@ -212,7 +242,7 @@ class FrequencyRecord(TableRecord):
                  coherence_least: float | None = None, window: str | None = None,
                  exponential_window: float | None = None, scale: float | None = None,
                  sensor: str | None = None, length: float | None = None, **other: Any) -> None:
-        values = np.asarray(h, dtype=complex).ravel()
+        values = complex_numbers(h, "h of FrequencyRecord")
         one_sd = sd is not None and np.ndim(sd) == 0
         super().__init__(
             dict(frequency_hz=frequency, real=values.real, imag=values.imag, coherence=coherence,
@@ -289,11 +319,19 @@ def written(value: Any) -> str:
     raise InputError(f"found {value!r}, expected a number, a text or several of these")
 
 
+def written_key(group: str, key: str, value: Any) -> str:
+    """Return the value of a key of a group as a case file has it."""
+    if group == "stage" and key in ("free", "shared"):
+        value = checked_names(value, key)
+    return written(value)
+
+
 def group(name: str, keys: Mapping[str, Any]) -> str:
     """Return one group in a line; keys whose value is None are left out."""
     if not isinstance(keys, Mapping):
         raise InputError(f"{name}: found {keys!r}, expected its keys, as in {name}=dict(...)")
-    given = [f"{key}={written(value)}" for key, value in keys.items() if value is not None]
+    given = [f"{key}={written_key(name, key, value)}" for key, value in keys.items()
+             if value is not None]
     return f"&{name} {', '.join(given)} /\n"
 
 
@@ -322,13 +360,50 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
     return text + "".join(group("stage", keys) for keys in stages)
 
 
+def check_keys(group: str, other: Mapping[str, Any]) -> None:
+    """Raise InputError if an argument of a function is a key of the group that the function is
+    about, such as `n` of `bootstrap`."""
+    for name in other:
+        if name not in GROUPS and name in KEYS[group].split():
+            raise InputError(f"found {name}, which belongs into {group}=dict({name}=...)")
+
+
 def unknown_group(name: str) -> InputError:
-    """Return the error for an argument that no group has, with the place of a key of that name."""
+    """Return the error for an argument that no group has, with the place of a key of that name, or
+    with the nearest name."""
     keys_of_record = " ".join(inspect.signature(Record.__init__).parameters)
     for group, keys in {**KEYS, "record": keys_of_record}.items():
         if name in keys.split():
             return InputError(f"found {name}, which belongs into {group}=dict({name}=...)")
-    return InputError(f"found {name}, expected one of {', '.join(GROUPS)}")
+    if name in ARGUMENTS:
+        return InputError(f"found {name}, which this function does not take")
+    names = [*GROUPS, *ARGUMENTS]
+    near = difflib.get_close_matches(name, names, n=1)
+    return InputError(f"found {name}, expected one of {', '.join(names)}"
+                      + "".join(f", perhaps {other}" for other in near))
+
+
+def checked_names(value: Any, what: str) -> Any:
+    """Return the name of a parameter, or a sequence of names.
+
+    Raises
+    ------
+    InputError
+        If there is no name, or one text holds several names.
+    """
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, Iterable):
+        return value
+    names = list(names)
+    if not names:
+        raise InputError(f"{what}: found no name, expected one or more, such as "
+                         f"{what}=['E', 'c_D']")
+    for name in names:
+        parts = re.split(r"[,\s]+", name.strip(", ")) if isinstance(name, str) else []
+        if len(parts) > 1:
+            raise InputError(f"{what}: found {name!r}, but several names are a list: "
+                             f"{what}={parts}")
+    return names
 
 
 def open_case(path: str, text: str | bytes, records: Sequence[AnyRecord | Lines], *,

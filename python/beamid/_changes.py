@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ._cases import GROUPS, as_list, unknown_group, written
+from ._cases import GROUPS, as_list, unknown_group, written, written_key
 from ._library import InputError
 
 #: A group of a case file: its name, and its values as text by key in lower case.
@@ -87,7 +87,7 @@ def change(groups: list[TextGroup], name: str, given: Any, *, replace: bool = Fa
     found = [keys for group, keys in groups if group == name]
     if not isinstance(given, Mapping) or not found or replace:
         groups[:] = [group for group in groups if group[0] != name] + [
-            (name, {key.lower(): written(value) for key, value in keys.items()
+            (name, {key.lower(): written_key(name, key, value) for key, value in keys.items()
                     if value is not None}) for keys in as_list(given, name)]
         return
     if len(found) > 1:
@@ -99,7 +99,7 @@ def change(groups: list[TextGroup], name: str, given: Any, *, replace: bool = Fa
     for key, value in given.items():
         keys.pop(key.lower(), None)
         if value is not None:
-            keys[key.lower()] = written(value)
+            keys[key.lower()] = written_key(name, key, value)
 
 
 def change_all(groups: list[TextGroup], changes: Mapping[str, Any], *, grid: bool) -> None:

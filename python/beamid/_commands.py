@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Lines, Names, as_list, case_text,
-                     given, group, open_case, records_of)
+from ._cases import (GROUPS, IN_MEMORY, AnyRecord, Group, Groups, Lines, Names, as_list, case_text,
+                     check_keys, given, group, open_case, records_of)
 from ._changes import STAGE, read_groups, text_of_groups, without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments, source_of
 from ._library import (Handle, InputError, NoFit, Progress, beginning, compute, documented,
-                       optional, table_of, text_of)
+                       kind_of, optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
@@ -519,6 +519,9 @@ def _case_of(first: str, arguments: dict[str, Any], fits: bool = False,
     """
     keys = given(arguments, "progress")
     case = keys.pop(first)
+    if first == "case" and not isinstance(case, (Fit, Problem, str, PathLike, type(None))):
+        raise InputError(f"case: found {kind_of(case)}, expected the path of a case file, a "
+                         "Problem or a Fit")
     if isinstance(case, (Fit, Problem, str, PathLike)):
         changes = {name: value for name, value in keys.items() if value is not None}
         if not changes and not isinstance(case, Fit):
@@ -706,7 +709,7 @@ def frf(case: Case | None = None, *, record: Groups = None,
             if case.no_fit:
                 raise NoFit(case.no_fit, case)
             arguments["case"] = case._problem_from_start()
-        elif record is None and not changes & {*STAGE, "stages", "records"}:
+        elif record is None and not changes - {*GROUPS} & {*other, *STAGE, "stages", "records"}:
             raise InputError(f"frf: found {', '.join(sorted(changes))} beside a fit and no record, "
                              "expected record=dict(f_first=..., f_last=..., f_step=...): the lines "
                              "of a measured response belong to the structure that was measured")
@@ -774,6 +777,7 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
         If a response cannot be computed.
     """
     arguments = locals()
+    check_keys("design", other)
     if isinstance(case, Fit) and noise is None and not any(
             name == "noise" for name, _ in read_groups(changed_case(case, {})[1])):
         quality = _plots.read(case.tables["quality.csv"])
@@ -822,8 +826,15 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
         cases = tuple(cases[0].values())
     else:
         labels = []
-    items = [case._problem if isinstance(case, Fit) else case
-             for case in cases if not isinstance(case, Mapping)]
+    if damping not in (True, False, "ratios"):
+        raise InputError(f"damping: found {damping!r}, expected True, False or 'ratios'")
+    items: list[str | PathLike[str] | Problem] = []
+    for case in cases:
+        if not isinstance(case, (Fit, Problem, str, PathLike)):
+            raise InputError(
+                f"compare: found {kind_of(case)}, expected cases one after the other, as in "
+                "compare(one, other), or one mapping with their names: compare({'one': one, ...})")
+        items.append(case._problem if isinstance(case, Fit) else case)
     if not labels and any(isinstance(case, Problem) for case in items):
         labels = [_label(k, case) for k, case in enumerate(items, start=1)]
     for name in labels:
@@ -909,7 +920,9 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
     ComputationError
         If every member fails.
     """
-    found = Ensemble(**_results("ensemble", [_case_of("t", locals(), fits=True)], progress))
+    arguments = locals()
+    check_keys("ensemble", other)
+    found = Ensemble(**_results("ensemble", [_case_of("t", arguments, fits=True)], progress))
     found.statistics = [MemberStatistics(
         int(row["elements"]), row["parameter"], int(row["members"]),
         *(float(row[name] or "nan") for name in MemberStatistics._fields[3:]))

@@ -468,7 +468,8 @@ class Fit:
     @property
     def tables(self) -> dict[str, str]:
         """Tables that the program writes for such a fit, by the name of the file: 'estimates.csv',
-        ..., and those that `profile`, `sample` and `bootstrap` have added."""
+        ..., and those that `profile`, `sample` and `bootstrap` have added. 'case.txt' is no table,
+        but the text of the case."""
         self._judge()
         return {name: self._text(name) for name in self._text("tables").splitlines()}
 
@@ -478,7 +479,8 @@ class Fit:
         Parameters
         ----------
         table : str
-            Name of a table, such as 'modes' or 'modes.csv'. `tables` has all of them.
+            Name of a table, such as 'modes' or 'modes.csv'. `tables` has the names, those that
+            end with '.csv'.
 
         Raises
         ------

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import AnyRecord, Group, Groups, Names, given
+from ._cases import AnyRecord, Group, Groups, Names, check_keys, given
 from ._fits import Fit, Subject, describe_arguments, fitted
 from ._library import InputError, Progress, beginning, documented, optional, table_of
 
@@ -314,6 +314,8 @@ def infer(command: str, arguments: dict[str, Any], progress: Progress | None) ->
     progress
         See `Problem.fit`.
     """
+    if command in METHODS:
+        check_keys(command, arguments["other"])
     settings: dict[str, Any] = {}
     if isinstance(arguments["t"], Fit):
         # Settings of a method change neither the case nor its fit.

@@ -252,7 +252,7 @@ def groups() -> tuple[str, ...]:
 
 
 def numbers(values: Any, what: str) -> np.ndarray:
-    """Return values as an array (n) of doubles.
+    """Return values as an array (n) of doubles. A column or a row, (n, 1) or (1, n), is accepted.
 
     what  name of the values in errors. Masked values and whatever is not a real number are rejected
     """
@@ -260,12 +260,35 @@ def numbers(values: Any, what: str) -> np.ndarray:
         raise InputError(f"{what}: found {np.ma.getmaskarray(values).sum()} masked values, "
                          "expected none")
     try:
-        array = np.asarray(values)
-        if array.size and array.dtype.kind not in "iufO":
-            raise TypeError
-        array = np.ascontiguousarray(array, dtype=float)
+        array = np.ascontiguousarray(_without_text(values, "iufO"), dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{what}: found {_shortened(values)}, expected real numbers") from None
+    return _in_a_row(array, what)
+
+
+def complex_numbers(values: Any, what: str) -> np.ndarray:
+    """Return values as an array (n) of complex numbers; as `numbers`."""
+    if np.ma.is_masked(values):
+        raise InputError(f"{what}: found masked values, expected none")
+    try:
+        array = np.asarray(_without_text(values, "iufcO"), dtype=complex)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: found {_shortened(values)}, expected numbers") from None
+    return _in_a_row(array, what)
+
+
+def _without_text(values: Any, kinds: str) -> np.ndarray:
+    """Return values as an array; raises TypeError if they are of other kinds, or a text is among
+    them."""
+    array = np.asarray(values)
+    if array.size and array.dtype.kind not in kinds:
+        raise TypeError
+    if array.dtype.kind == "O" and any(isinstance(item, (str, bytes)) for item in array.flat):
+        raise TypeError
+    return array
+
+
+def _in_a_row(array: np.ndarray, what: str) -> np.ndarray:
     if array.ndim > 1 and max(array.shape) != array.size:
         raise InputError(f"{what}: found an array of shape {array.shape}, expected one dimension")
     return array.ravel()
@@ -311,9 +334,12 @@ def optional(module: str, what: str) -> Any:
 
 
 def table_of(tables: Mapping[str, str], name: str) -> str:
-    """Return a table by its name, with or without '.csv'; raises KeyError if there is none."""
+    """Return a table by its name, with or without '.csv'; raises KeyError if there is none, or if
+    it is another text, such as 'case.txt'."""
     stem = name.removesuffix(".csv")
     known = [key.removesuffix(".csv") for key in tables if key.endswith(".csv")]
+    if name in tables and stem not in known:
+        raise KeyError(f"{name}: found a text, expected a table; tables[{name!r}] is the text")
     if stem not in known:
         raise KeyError(f"{name}: expected one of {', '.join(known)}")
     return tables[stem + ".csv"]
@@ -337,6 +363,14 @@ def beginning(summary: str, longest: int = 14) -> str:
     return "\n".join(lines)
 
 
+def kind_of(value: Any) -> str:
+    """Return what a message says about a value that is of a wrong kind."""
+    if isinstance(value, (bool, int, float, str, type(None))):
+        return _shortened(value)
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
+
+
 def _shortened(value: Any) -> str:
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return text if len(text) < 60 else text[:57] + "..."

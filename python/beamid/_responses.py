@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import IN_MEMORY, Group, Groups, Names, case_text, given, open_case
+from ._cases import (IN_MEMORY, Group, Groups, Names, case_text, checked_names, given,
+                     open_case)
 from ._fits import describe_arguments
 from ._library import InputError, compute, numbers
 
@@ -74,7 +75,7 @@ def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: 
     if t.size == 0 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise InputError("response: found times that are not ascending, expected finite "
                          "ascending ones")
-    names = [derivatives] if isinstance(derivatives, str) else list(derivatives)
+    names = list(checked_names(derivatives, "derivatives")) if len(derivatives) else []
     text = case_text([{}], [dict(free=names)] if names else [], groups)
     handle = open_case(IN_MEMORY, text, [], fits=False)
     motion = np.empty((3, t.size))

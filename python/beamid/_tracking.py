@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import IN_MEMORY, Group, Groups, Names, case_text, given, open_case
-from ._library import Handle, InputError, call, compute, numbers
+from ._cases import (IN_MEMORY, Group, Groups, Names, case_text, check_keys, given,
+                     open_case)
+from ._library import Handle, InputError, call, compute, kind_of, numbers
 
 _FLAGS = ("", "moving", "unseen", "gap")
 
@@ -94,10 +95,15 @@ class Tracker:
                  units: Group = None, **other: Any) -> None:
         groups = given(locals(), "case", "record", "free")
         if case is None:
-            names = [free] if isinstance(free, str) else list(free or [])
-            text = case_text([record or {}], [{"free": names}] if names else [], groups)
+            check_keys("track", other)
+            stages = [] if free is None else [{"free": free}]
+            text = case_text([record or {}], stages, groups)
             opened = open_case(IN_MEMORY, text, [], fits=False)
         else:
+            if not isinstance(case, (str, os.PathLike)):
+                raise InputError(f"Tracker: found {kind_of(case)}, expected the path of a case "
+                                 "file, or the arguments of a case: track=dict(...), "
+                                 "beam=dict(...), free=[...] and so on")
             if record or free or any(keys is not None for keys in groups.values()):
                 raise InputError("Tracker: found arguments beside a case, expected the case alone")
             opened = open_case(str(Path(case)), "", [], fits=False)

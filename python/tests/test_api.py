@@ -100,7 +100,7 @@ def test_simulate_at_given_times():
     with pytest.raises(beamid.InputError, match="not ascending"):
         beamid.simulate([0.2, 0.1], **MODEL)
     with pytest.raises(beamid.InputError, match="masked"):
-        beamid.simulate([0.2, np.nan, None], noise=dict(sd=np.ma.masked), **MODEL)
+        beamid.simulate([0.2, 0.3], noise=dict(sd=np.ma.masked), **MODEL)
     with pytest.raises(beamid.InputError, match="&record: found no such group"):
         beamid.simulate(**MODEL)
     with pytest.raises(beamid.InputError, match="found values of a record beside a case"):
@@ -337,6 +337,11 @@ def test_bad_comparisons(rivals, record):
         beamid.compare(rivals[0], beamid.Problem(t[:-5], a[:-5], free=FREE, **MODEL))
     with pytest.raises(beamid.InputError, match="found no case"):
         beamid.compare()
+    for cases, found in ([[rivals]], "a list"), ([4], "4"), ([{}, {}], "a dict"):
+        with pytest.raises(beamid.InputError, match=rf"compare: found {found}, .*compare\(one, "):
+            beamid.compare(*cases)
+    with pytest.raises(beamid.InputError, match=r"damping: found 'ratio', .*False or 'ratios'"):
+        beamid.compare(rivals[0], damping="ratio")
     with pytest.raises(beamid.InputError, match="found the name 'a,b'"):
         beamid.compare({"a,b": rivals[0]})
 
@@ -871,6 +876,52 @@ def test_messages_name_the_argument(record, keys, message):
         beamid.fit(*record, **{**MODEL, "free": "m_H", **keys})
     with pytest.raises(beamid.InputError, match=r"profile\(fit\)\['E'\] is that of E"):
         beamid.profile(NOISY, parameters="E")
+
+
+@pytest.mark.parametrize("call, message", [
+    (lambda fit: beamid.fit(fit, free="c_D,m_H"),
+     r"^free: found 'c_D,m_H', but several names are a list: free=\['c_D', 'm_H'\]$"),
+    (lambda fit: beamid.fit(fit, shared=["c_D m_H"]), r"are a list: shared=\['c_D', 'm_H'\]$"),
+    (lambda fit: beamid.response([0.1], derivatives="E, m_T", **MODEL),
+     r"are a list: derivatives=\['E', 'm_T'\]$"),
+    (lambda fit: beamid.fit(fit, free=[]), r"^free: found no name, .*free=\['E', "),
+    (lambda fit: beamid.fit(fit, sensors=dict(x_S=1)), r"expected one of .*record, .*sensor$"),
+    (lambda fit: beamid.frf(fit, beem=dict(E=1)), r"found beem, .*, perhaps beam$"),
+    (lambda fit: beamid.response([0.1], free="E", **MODEL), "free, which this function does not"),
+    (lambda fit: beamid.bootstrap(fit, n=200), r"found n, which belongs into bootstrap=dict\(n"),
+    (lambda fit: beamid.sample(fit, seed=3), r"seed, which belongs into sample=dict\(seed="),
+    (lambda fit: beamid.simulate(fit, seed=3), r"seed, which belongs into noise=dict\(seed="),
+    (lambda fit: beamid.ensemble(fit, members=3), r"into ensemble=dict\(members="),
+    (lambda fit: beamid.design(fit, x_S=[1]), r"into design=dict\(x_S="),
+    (lambda fit: beamid.modes([fit]), "case: found a list, expected the path"),
+    (beamid.Tracker, "Tracker: found a Fit, expected the path of a case file"),
+    (lambda fit: beamid.Tracker(fit._problem, track=dict(window=1)), "Tracker: found a Problem, "),
+    (lambda fit: beamid.FrequencyRecord([1, 2], ["1", "2"]), "h of FrequencyRecord: found"),
+])
+def test_messages_say_what_to_do(fit, call, message):
+    """A slip in the arguments is an InputError of one sentence that names the remedy."""
+    with pytest.raises(beamid.InputError, match=message) as caught:
+        call(fit)
+    assert "\n" not in str(caught.value)
+
+
+def test_tables_and_other_texts(fit):
+    """Every table becomes a data frame; the copy of the case is a text, and a message says so."""
+    pandas = pytest.importorskip("pandas")
+    tables = [name for name in fit.tables if name.endswith(".csv")]
+    assert all(isinstance(fit.to_pandas(name), pandas.DataFrame) for name in tables)
+    with pytest.raises(KeyError, match=r"case\.txt: found a text, expected a table"):
+        fit.to_pandas("case.txt")
+    with pytest.raises(KeyError, match=r"nothing: expected one of .*estimates"):
+        fit.to_pandas("nothing")
+
+
+def test_columns_are_records(record):
+    """Arrays (m, 1) and (1, m) are the same record as (m,)."""
+    t, a = record
+    one = beamid.Problem(t, a, free="c_D", **MODEL).fit(judge=False)
+    two = beamid.Problem(t[:, None], a[None, :], free="c_D", **MODEL).fit(judge=False)
+    assert (one.values == two.values).all()
 
 
 @pytest.mark.parametrize("function", [beamid.fit, beamid.sample, beamid.modes, beamid.design])

@@ -345,7 +345,12 @@ def test_bad_input(record, change, message):
     ([], [], "found 0 times and 0 values"),
     ([0.0, 1.0], [1.0], "found 2 times and 1 values"),
     ([0.0, 0.2, 0.1, 0.3, 0.4], [1.0, 2, 3, 4, 5], r"sample 3: found t = 0?\.1 after 0?\.2"),
-    ([0.0, 0.1, 0.2, 0.3, 0.4], [1.0, np.nan, 3, 4, 5], "sample 2: .*expected finite"),
+    ([0.0, 0.1, 0.2, 0.3, 0.4], [1.0, np.nan, 3, 4, 5],
+     r"found nan at index 1 .*expected finite.*masked_invalid\(a\)"),
+    ([0.0, 0.1, np.inf, 0.3, 0.4], np.ma.masked_equal([9.0, 1, 2, 4, 5], 9),
+     "times of a record: found inf at index 2 "),
+    ([0.0, 0.1], np.array(["1", "2"], dtype=object), r"values of a record: found .*real numbers"),
+    ([0.0, 0.1], [[1.0, 2.0], [3.0, 4.0]], r"an array of shape \(2, 2\), expected one dimension"),
     ([0.0, 0.1, 0.2, 0.3, 0.4], [1.0]*5, "constant signal"),
 ])
 def test_bad_records(t, a, message):
@@ -377,6 +382,8 @@ def test_masked_samples_are_left_out(record):
     found = beamid.fit(t, masked, free=FREE, **MODEL)
     expected = beamid.fit(t[~masked.mask], a[~masked.mask], free=FREE, **MODEL)
     assert (found.values == expected.values).all() and found.t.size == expected.t.size < t.size
+    invalid = np.ma.masked_invalid(np.where(masked.mask, np.nan, a))
+    assert (beamid.fit(t, invalid, free=FREE, **MODEL).values == expected.values).all()
     with pytest.raises(beamid.InputError, match="times: found 1 masked values"):
         beamid.response(np.ma.masked_equal(t, t[3]), **MODEL)
     with pytest.raises(beamid.InputError, match=r"values of a record: found .*real numbers"):
