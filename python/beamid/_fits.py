@@ -188,6 +188,10 @@ class Fit:
     `fit["E"]` is the `Estimate` of a parameter; iteration goes over the names of the parameters.
     Arrays are copies: a change of one does not change the fit.
 
+    The search variables are the estimates in the order of `names`, with one exception: for a
+    stiffness such as `k_R`, the search variable is its reciprocal 1/k_R. Covariances, correlations
+    and derivatives refer to the search variables.
+
     A fit can be pickled and sent to another process. Numbers, texts and tables go with it. If
     `profile`, `sample` or `bootstrap` is then called with the fit, its problem is fitted again
     first. Copies by the module `copy` share the fit inside the library.
@@ -308,18 +312,17 @@ class Fit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance matrix by white noise, shape (n, n), of the variables of the search. For a
-        stiffness such as `k_R` the variable is its reciprocal."""
+        """Covariance matrix of the search variables, shape (n, n), for white noise."""
         return self._array("covariance")
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation matrix of the variables of the search, shape (n, n)."""
+        """Correlation matrix of the search variables, shape (n, n)."""
         return self._array("correlation")
 
     @property
     def jacobian(self) -> np.ndarray:
-        """Derivatives of the model with respect to the variables of the search, shape (rows, n).
+        """Derivatives of the model with respect to the search variables, shape (rows, n).
 
         The derivatives of the residuals are the negative of these. With several records, each row
         is divided by the noise of its record. Behind the samples there is a row for each prior.
@@ -613,8 +616,8 @@ class Problem:
     beam : mapping
         `length` [length], `E` [force/length²], `c_D` [force time/length²], `rho` [mass/length] or
         `density` [mass/length³], `I` [length⁴] or `width` and `height` [length], `gamma`
-        [force time/length²], `a_h` [force time], `b_h` [length], `d_1`, `d_2`, `b_1`, `b_2`
-        [1/time], `k_R` [force length], `c_R` [force length time].
+        [force time/length²], `eta` [none], `a_h` [force time], `b_h` [length], `d_1` [none], `b_1`
+        [1/time], `d_2` [none], `b_2` [1/time], `k_R` [force length], `c_R` [force length time].
     tip : mapping, optional
         Mass at the tip: `m_T` [mass], `J_T` [mass length²].
     mass : mapping or sequence of mappings, optional
@@ -623,7 +626,9 @@ class Problem:
         Hose or absorber: `x_H` [length], `m_H` [mass], `c_H` [force time/length],
         `k_H` [force/length], `name`.
     sensor : mapping or sequence of mappings, optional
-        Accelerometer: `x_S` [length], `m_S` [mass], `J_S` [mass length²], `name`.
+        Accelerometer: its position `x_S` [length], the tip by default; `m_S` [mass] and `J_S`
+        [mass length²], 0 by default; `name`, required with several sensors. Without this argument,
+        an accelerometer without mass is at the tip.
     support : mapping or sequence of mappings, optional
         Support: `x_P` [length], `k_P` [force/length], `c_P` [force time/length],
         `k_R` [force length], `c_R` [force length time], `name`.
@@ -639,8 +644,14 @@ class Problem:
         Property that varies along the beam: `parameter`, `x` [length], `value` in the unit of the
         property.
     excitation : mapping or sequence of mappings
-        `kind` ('pulse', 'table', 'release', 'free' or 'base') and its keys, such as `amplitude`
-        [force], `duration` [time], `displacement` [length], `modes`.
+        Source of the motion: `kind` and the keys of this kind. 'pulse': a constant force
+        `amplitude` [force] from time 0 on, for the `duration` [time]. 'table': a force from a file;
+        `file`, `time_column`, `value_column`, and `rate` [1/time] without a column of times.
+        'release': the beam is deflected by a static `force` [force] or `displacement` [length], and
+        released at `time` [time], 0 by default. 'free': nothing drives the beam; the initial state
+        of `modes` modes, 2 by default, is estimated. 'base': the base moves with the acceleration
+        in a file; keys as for 'table'. Force, deflection: at `x_F` [length], the tip by default;
+        `load` ('point' or 'distributed') and `power` describe a load along the beam.
     discretization : mapping, optional
         Mesh: `degree`, `elements`.
     integrator : mapping, optional
@@ -854,6 +865,10 @@ def describe_arguments(function: _Function) -> _Function:
     section = (inspect.getdoc(Problem) or "").partition("Parameters\n----------\n")[2]
     entries = re.split(r"\n(?=\S)", section.partition("\n\n")[0])
     names = set(inspect.signature(function).parameters)
+    if "multistart" not in names:
+        # Without a fit there is no record that could contradict a unit.
+        entries = [re.sub(r"\s+The names m, s, and kg\b.*", "", entry, flags=re.DOTALL)
+                   for entry in entries]
     more = [entry for entry in entries
             if names & set(re.findall(r"\w+", entry.partition(" :")[0]))
             and not re.search(rf"^{re.escape(entry.partition(' :')[0])} :", told, re.MULTILINE)]

@@ -105,7 +105,8 @@ class Inference:
     fit : Fit
         The fit that the computation starts from.
     names : list[str]
-        Names of the n variables of the search; for a stiffness such as `k_R` it is '1/k_R'.
+        Names of the n search variables: those of the free parameters, but '1/k_R' for a stiffness
+        such as `k_R`, because the search varies its reciprocal.
     intervals : list[Interval]
         Intervals by all methods that have been applied to this fit, on all meshes.
     text : str
@@ -218,7 +219,7 @@ class Posterior(Profiles):
     Attributes
     ----------
     draws : ndarray
-        Draws of the variables of the search, shape (chains, draws, n).
+        Draws of the search variables, shape (chains, draws, n), in the order of `names`.
     log_density : ndarray
         Log density of each draw, shape (chains, draws), up to a constant.
     """
@@ -228,7 +229,7 @@ class Posterior(Profiles):
 
     def values(self, name: str) -> np.ndarray:
         """Return the draws of one parameter by its own name, shape (chains, draws). For a stiffness
-        `k_R` they are the reciprocals of the variable of the search."""
+        `k_R` they are the reciprocals of the draws of 1/k_R."""
         if name in self.names:
             return self.draws[:, :, self.names.index(name)]
         return 1/self.draws[:, :, self.names.index(f"1/{name}")]
@@ -256,7 +257,8 @@ class Bootstrap(Inference):
     Attributes
     ----------
     estimates : ndarray
-        Estimates, shape (records, n). Records that could not be fitted are left out.
+        Estimates of the search variables, shape (records, n), in the order of `names`. Records
+        that could not be fitted are left out.
     """
 
     estimates: np.ndarray = field(default_factory=lambda: np.empty(0))

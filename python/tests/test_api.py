@@ -6,6 +6,7 @@ import math
 import multiprocessing
 import os
 import pickle
+import re
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -922,6 +923,27 @@ def test_columns_are_records(record):
     one = beamid.Problem(t, a, free="c_D", **MODEL).fit(judge=False)
     two = beamid.Problem(t[:, None], a[None, :], free="c_D", **MODEL).fit(judge=False)
     assert (one.values == two.values).all()
+
+
+def test_help_on_units_speaks_of_a_record_only_where_there_is_one():
+    """Functions that fit compare the units with the record; the others have none."""
+    for function in (beamid.Problem, beamid.fit, beamid.profile, beamid.sample, beamid.bootstrap):
+        assert "contradicts the" in inspect.getdoc(function), function
+    for function in (beamid.modes, beamid.simulate, beamid.design, beamid.response, beamid.frf):
+        told = inspect.getdoc(function)
+        assert "contradicts the" not in told, function
+        assert "They appear in texts and tables." in told, function
+
+
+@pytest.mark.parametrize("group", ["beam", "sensor", "excitation"])
+def test_help_lists_every_key(group):
+    """The docstring of Problem names each key that the reference lists."""
+    reference = (CHECKOUT / "docs/reference/case-file.md").read_text()
+    rows = reference.partition(f"\n## `&{group}`\n")[2].partition("\n## ")[0]
+    keys = [row.split("`")[1] for row in rows.splitlines() if row.startswith("| `")]
+    told = inspect.getdoc(beamid.Problem).partition(f"\n{group} : ")[2]
+    entry = re.split(r"\n(?=\S)", told)[0]
+    assert len(keys) > 3 and [key for key in keys if f"`{key}`" not in entry] == []
 
 
 @pytest.mark.parametrize("function", [beamid.fit, beamid.sample, beamid.modes, beamid.design])
