@@ -121,6 +121,10 @@ class Record:
                              "expected as many of one as of the other")
         self._check_finite()
 
+    def described(self) -> str:
+        """Return the record in a few words."""
+        return f"{np.size(self.t)} samples"
+
     def _check_finite(self, places: np.ndarray | None = None) -> None:
         """Raise InputError if a time or a value is not finite.
 
@@ -166,6 +170,11 @@ class TableRecord:
             if not np.isfinite(values).all():
                 raise InputError(f"{self.what}: found a value of {name} that is not finite, "
                                  "expected finite ones")
+
+    def described(self) -> str:
+        """Return the record in a few words."""
+        size = next(iter(self.columns.values())).size
+        return f"{self.what} of {size} rows"
 
     def write(self, folder: str, text: str) -> str:
         """Write the table into a folder, and return the text of a case with its path."""

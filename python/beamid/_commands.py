@@ -20,7 +20,7 @@ from ._cases import (GROUPS, IN_MEMORY, AnyRecord, Group, Groups, Lines, Names, 
 from ._changes import STAGE, read_groups, text_of_groups, without_lines
 from ._fits import Fit, Problem, changed_case, describe_arguments, source_of
 from ._library import (Handle, InputError, NoFit, Progress, beginning, compute, documented,
-                       kind_of, optional, table_of, text_of)
+                       html_of, kind_of, optional, table_of, text_of)
 
 if TYPE_CHECKING:
     import pandas
@@ -52,6 +52,9 @@ class Results:
 
     def __repr__(self) -> str:
         return beginning(self.text)
+
+    def _repr_html_(self) -> str:
+        return html_of(self.text, self.tables[self._table + ".csv"])
 
     def summary(self) -> str:
         """Return the summary that the program prints."""

@@ -715,6 +715,20 @@ class Problem:
         self._lock = threading.Lock()
         self._opened: Handle | None = open_case(path, text, records, fits=True)
 
+    def __repr__(self) -> str:
+        where = "" if self._path == IN_MEMORY else f" of {self._path}"
+        try:
+            groups = read_groups(source_of(self)[1])
+        except InputError:    # the case file is no longer there
+            return f"Problem{where}"
+        records = [keys for name, keys in groups if name == "record"]
+        told = [item.described() for item in self._records] or [
+            f"the file {keys['file']}" for keys in records if "file" in keys]
+        free = [keys.get("free", "").replace("'", "").replace('"', "")
+                for name, keys in groups if name == "stage"]
+        return (f"Problem{where}: {len(told)} record{'s' if len(told) != 1 else ''} "
+                f"({'; '.join(told)}), free: {'; then '.join(free)}")
+
     @property
     def _handle(self) -> Handle:
         """The case inside the library; it is opened again in a process that got it by pickle."""

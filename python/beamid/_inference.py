@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from . import _plots
 from ._cases import AnyRecord, Group, Groups, Names, check_keys, given
 from ._fits import Fit, Subject, describe_arguments, fitted
-from ._library import InputError, Progress, beginning, documented, optional, table_of
+from ._library import (InputError, Progress, beginning, documented, html_of, optional,
+                       table_of)
 
 if TYPE_CHECKING:
     import arviz
@@ -143,6 +144,37 @@ class Inference:
             raise KeyError(f"{parameter}, {method}: expected one of {known}")
         return max(found, key=lambda item: item.elements)
 
+    def _repr_html_(self) -> str:
+        return html_of(self.text, self.tables["intervals.csv"])
+
+    def _densities(self, sets: np.ndarray, method: str, parameters: Names | None, axes: Any,
+                   what: str) -> Any:
+        """Draw the marginal density of each parameter.
+
+        Parameters
+        ----------
+        sets
+            Values of the search variables, shape (sets, n).
+        method
+            Name of the interval that belongs to them.
+        parameters, axes
+            As in `Posterior.plot`.
+        what
+            Name of the function, for messages.
+        """
+        known = [name.removeprefix("1/") for name in self.names]
+        wanted = known if parameters is None else parameters
+        drawn = []
+        for name in [wanted] if isinstance(wanted, str) else wanted:
+            if name not in known:
+                raise KeyError(f"{name}: expected one of {', '.join(known)}")
+            found, place = self.interval(name, method), known.index(name)
+            label, unit, ends = name, found.unit, (found.lower, found.upper)
+            if self.names[place] != name:    # a stiffness
+                label, unit, ends = self.names[place], "", (1/found.upper, 1/found.lower)
+            drawn.append((label, unit, sets[:, place], ends))
+        return _plots.densities(drawn, axes, what)
+
     def to_pandas(self, table: str = "intervals") -> pandas.DataFrame:
         """Return a table as a data frame, with the columns that the program writes.
 
@@ -216,6 +248,9 @@ class Profiles(Inference):
 class Posterior(Profiles):
     """Draws from the posterior, which is flat between the bounds and has the noise integrated out.
 
+    The profiles of J, from which the draws start, are in `profiles`; `beamid.profile(fit).plot()`
+    draws them.
+
     Attributes
     ----------
     draws : ndarray
@@ -226,6 +261,31 @@ class Posterior(Profiles):
 
     draws: np.ndarray = field(default_factory=lambda: np.empty(0))
     log_density: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    def plot(self, parameters: Names | None = None, axes: Any = None) -> Any:
+        """Draw the marginal posterior density of each parameter: a histogram of the draws, with
+        their mean and the ends of the 95 % interval. A stiffness is drawn as its reciprocal.
+
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names of the parameters. Default: all of them.
+        axes : sequence of matplotlib axes, optional
+            Where to draw, one axes for each parameter. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of Axes of shape (parameters,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        KeyError
+            If there is no such parameter.
+        """
+        sets = self.draws.reshape(-1, len(self.names))
+        return self._densities(sets, "posterior", parameters, axes, "Posterior.plot")
 
     def values(self, name: str) -> np.ndarray:
         """Return the draws of one parameter by its own name, shape (chains, draws). For a stiffness
@@ -262,6 +322,30 @@ class Bootstrap(Inference):
     """
 
     estimates: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    def plot(self, parameters: Names | None = None, axes: Any = None) -> Any:
+        """Draw the density of the resampled estimates of each parameter: a histogram, with their
+        mean and the ends of the 95 % interval 'bca'. A stiffness is drawn as its reciprocal.
+
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names of the parameters. Default: all of them.
+        axes : sequence of matplotlib axes, optional
+            Where to draw, one axes for each parameter. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of Axes of shape (parameters,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        KeyError
+            If there is no such parameter.
+        """
+        return self._densities(self.estimates, "bca", parameters, axes, "Bootstrap.plot")
 
 
 def _columns(text: str, elements: int, where: int, first: int) -> tuple[list[str], np.ndarray]:

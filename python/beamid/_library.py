@@ -2,9 +2,12 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import ctypes
+import html
 import importlib
 import inspect
+import io
 import re
 import signal
 import sys
@@ -361,6 +364,28 @@ def beginning(summary: str, longest: int = 14) -> str:
     if len(lines) > longest + 1:
         lines[longest:] = [f"... {len(lines) - longest} more lines in summary()"]
     return "\n".join(lines)
+
+
+def html_of(summary: str, table: str, most: int = 10) -> str:
+    """Return what a notebook shows of results: the first paragraph of the summary, and the first
+    rows of a table (CSV text)."""
+    head, *rows = csv.reader(io.StringIO(table))
+    lines = "<br>".join(map(html.escape, summary.strip("\n").partition("\n\n")[0].split("\n")))
+    cells = ["".join(f"<td>{html.escape(_rounded(field))}</td>" for field in row)
+             for row in rows[:most]]
+    more = f"<p>... {len(rows) - most} more rows</p>" if len(rows) > most else ""
+    names = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
+    return (f"<p>{lines}</p><table><thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>"
+            f"{more}")
+
+
+def _rounded(field: str) -> str:
+    """Return a field of a table with six digits, if it is a number that has more."""
+    try:
+        return field if field.isdigit() else f"{float(field):.6g}"
+    except ValueError:
+        return field
 
 
 def kind_of(value: Any) -> str:

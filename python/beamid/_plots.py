@@ -156,6 +156,36 @@ def profiles(drawn: Sequence[tuple[str, str, Any, float]], axes: Any) -> Any:
     return np.array(found)
 
 
+def densities(drawn: Sequence[tuple[str, str, np.ndarray, tuple[float, float]]], axes: Any,
+              what: str) -> Any:
+    """Draw histograms of draws or of resampled estimates, with their 95 % intervals.
+
+    Parameters
+    ----------
+    drawn
+        Label, unit, values and ends of the interval of each parameter.
+    axes
+        Where to draw; None: a new figure.
+    what
+        Name of the function, for messages.
+    """
+    found = panels(len(drawn), axes, what, sharex=False, figsize=(7, 1 + 1.9*len(drawn)))
+    for panel, (label, unit, values, ends) in zip(found, drawn):
+        bins = int(np.clip(np.sqrt(values.size), 5, 50))
+        panel.hist(values, bins=bins, density=True, color="tab:blue", alpha=0.5)
+        panel.axvline(values.mean(), color="black", linewidth=1, label="mean")
+        for end, name in zip(ends, ("end of the 95 % interval", None)):
+            if np.isfinite(end):
+                panel.axvline(end, color="tab:red", linewidth=0.8, label=name)
+        panel.set_xlabel(labelled(label, unit))
+        panel.set_ylabel("density")
+        panel.set_yticks([])
+        panel.locator_params(axis="x", nbins=6)
+        panel.ticklabel_format(axis="x", useOffset=False)
+    found[0].legend(loc="upper right", fontsize=8)
+    return np.array(found)
+
+
 def panels(count: int, axes: Any, what: str, **figure: Any) -> list[Any]:
     """Return axes, one below the other: those of the user, or those of a new figure."""
     if axes is not None:

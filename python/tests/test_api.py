@@ -538,6 +538,62 @@ def test_pictures_of_profiles(fit):
     pyplot.close("all")
 
 
+def test_pictures_of_densities(record):
+    """Histograms hold all draws; the lines are the mean and the ends of the interval. A stiffness
+    is drawn as its reciprocal, which the search varies."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from matplotlib import pyplot
+    fit = beamid.Problem(*record, free=FREE, bootstrap=dict(n=100), **MODEL, **NAMES).fit()
+    posterior, resampled = beamid.sample(fit), beamid.bootstrap(fit)
+    for found, sets, method in (
+            (posterior, posterior.draws.reshape(-1, 4), "posterior"),
+            (resampled, resampled.estimates, "bca")):
+        panels = found.plot()
+        assert len(panels) == len(FREE)
+        for panel, name, values in zip(panels, FREE, sets.T):
+            area = sum(bar.get_width()*bar.get_height() for bar in panel.patches)
+            assert area == pytest.approx(1, rel=1e-9)
+            assert panel.patches[0].get_x() == pytest.approx(values.min())
+            interval = found.interval(name, method)
+            assert [line.get_xdata()[0] for line in panel.get_lines()] == [
+                pytest.approx(values.mean()), interval.lower, interval.upper]
+        assert panels[0].get_xlabel() == "c_D [lb s/ft^2]"
+        _, axes = pyplot.subplots()
+        assert found.plot("k_H", axes=[axes])[0] is axes
+        with pytest.raises(KeyError, match=r"guess: expected one of c_D"):
+            found.plot("guess")
+    soft = beamid.Inference(fit, ["1/k_R"], [beamid.Interval("bca", 8, "k_R", "N m", 50.0, 40.0,
+                                                             math.inf, "closed", "unbounded")], "",
+                            {})
+    panel, = soft._densities(np.linspace(0, 0.025, 50)[:, None], "bca", None, None, "test")
+    assert [line.get_xdata()[0] for line in panel.get_lines()] == [
+        pytest.approx(0.0125), 0, 1/40]
+    assert panel.get_xlabel() == "1/k_R"
+    pyplot.close("all")
+
+
+def test_results_in_notebooks(fit):
+    """A problem says what it fits; results show their main table, rounded and cut."""
+    assert repr(fit._problem) == "Problem: 1 record (49 samples), free: c_D, m_H, c_H, k_H"
+    loaded = repr(beamid.load(NOISY))
+    assert loaded == (f"Problem of {NOISY}: 1 record (the file 'table_4_1_noisy.csv'), "
+                      "free: c_D, m_H, c_H, k_H")
+    table = beamid.ModalRecord([1.0, 6.0], 0.1)
+    both = beamid.Problem(records=[table, beamid.Record(fit.t, fit.measured)],
+                          stages=[dict(free="E"), dict(free=["E", "m_H"])], **MODEL)
+    assert repr(both) == ("Problem: 2 records (ModalRecord of 2 rows; 49 samples), free: E; then "
+                          "E, m_H")
+    modes = beamid.modes(NOISY)
+    text = modes._repr_html_()
+    assert text.count("<tr>") == 1 + len(modes.frequencies) and "more rows" not in text
+    long = beamid.simulate(np.linspace(0.2, 5, 49), **MODEL)._repr_html_()
+    assert long.count("<tr>") == 1 + 10 and "... 39 more rows" in long
+    assert f"<td>{modes.frequencies[0]:.6g}</td>" in text and "natural modes" in text
+    profiles = beamid.profile(fit)
+    text = profiles._repr_html_()
+    assert f"<td>{profiles.interval('k_H', 'profile').upper:.6g}</td>" in text
+
+
 def test_printed_results_are_the_beginning_of_the_summary(fit):
     """Warnings come first, and long summaries are cut."""
     simulation = beamid.simulate(DATA / "table_4_1_truth.nml")
