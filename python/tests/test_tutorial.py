@@ -1,4 +1,4 @@
-"""The tutorial of the Python package prints what it says."""
+"""The pages about the Python package print what they say."""
 import re
 from pathlib import Path
 
@@ -28,12 +28,13 @@ def alike(expected, found):
     return len(left) == len(right)
 
 
-def test_tutorial(monkeypatch, tmp_path, capsys):
-    """Each block of the tutorial prints what stands below it; '...' stands for any lines, or for
-    the rest of a line."""
+def run_page(name, monkeypatch, tmp_path, capsys):
+    """Run the blocks of a page as one session. Each block prints what stands below it; '...'
+    stands for any lines, or for the rest of a line. Return the variables of the session, and the
+    number of lines that were compared."""
     pytest.importorskip("matplotlib").use("Agg")
     pytest.importorskip("pandas")
-    text = (CHECKOUT / "docs/tutorials/python.md").read_text()
+    text = (CHECKOUT / "docs" / name).read_text()
     (tmp_path / "data").symlink_to(CHECKOUT / "data")
     monkeypatch.chdir(tmp_path)
     space, compared = {}, 0
@@ -46,16 +47,29 @@ def test_tutorial(monkeypatch, tmp_path, capsys):
         while expected:
             line = expected.pop(0)
             if line == "...":
-                while printed and not alike(expected[0], printed[0]):
+                while expected and printed and not alike(expected[0], printed[0]):
                     printed.pop(0)
                 continue
             assert printed and alike(line, printed.pop(0)), line
             compared += 1
-        assert printed == [] or expected[-1:] == ["..."]
+        assert printed == [] or block.splitlines()[-1] == "..."
+    from matplotlib import pyplot
+    pyplot.close("all")
+    return space, compared
+
+
+def test_tutorial(monkeypatch, tmp_path, capsys):
+    """The tutorial prints what it says, draws its pictures, and finds the true values."""
+    space, compared = run_page("tutorials/python.md", monkeypatch, tmp_path, capsys)
     assert compared > 30
     assert {"fit.png", "profiles.png"} <= {path.name for path in tmp_path.iterdir()}
     true = dict(E=2e11, m_S=0.012, c_D=4e6, gamma=0.1)
     for name, value in true.items():
         assert space["fit"][name].interval[0] < value < space["fit"][name].interval[1]
-    from matplotlib import pyplot
-    pyplot.close("all")
+
+
+def test_how_to(monkeypatch, tmp_path, capsys):
+    """The page on comparisons, responses and designs prints what it says."""
+    _, compared = run_page("how-to/python.md", monkeypatch, tmp_path, capsys)
+    assert compared > 15
+    assert (tmp_path / "response.png").exists()
