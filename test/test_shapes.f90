@@ -7,7 +7,7 @@ program test_shapes
    use beamid_kinds, only: wp
    use beamid_mode_shapes, only: mode_shapes
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: hose_t, sensor_t, structure_t, support_t
+   use beamid_structure, only: free_end, hose_t, sensor_t, structure_t, support_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -20,6 +20,7 @@ program test_shapes
    real(wp) :: x(points)
 
    call test_cantilever()
+   call test_free_bar()
    call test_support()
    call test_damper()
    call finish('shapes')
@@ -60,6 +61,27 @@ contains
          call check_close('cantilever: a shape', maxval(abs(shapes(:, k) - known)), 0.0_wp, 1e-6_wp)
       end do
    end subroutine test_cantilever
+
+   !> cosh + cos - sigma (sinh + sin), with the tabulated roots of cosh z cos z = 1, for a beam that
+   !> nothing holds. Its rigid-body motions are orthogonal to these shapes. The tolerance is that of
+   !> `test_cantilever`, times (z of mode 4 here/z of mode 4 there)**6 = 4.5.
+   subroutine test_free_bar()
+      real(wp), parameter :: z(4) = [4.73004074486270_wp, 7.85320462409584_wp, &
+         10.9956078380017_wp, 14.1371654912575_wp]
+      real(wp) :: known(points), sigma
+      integer :: k
+
+      call solve(structure_t(length=2, rho=0.3_wp, E=50, I=1, end=[free_end, free_end]))
+      do k = 1, 4
+         sigma = (cosh(z(k)) - cos(z(k)))/(sinh(z(k)) - sin(z(k)))
+         associate (y => z(k)*x/2)
+            known = cosh(y) + cos(y) - sigma*(sinh(y) + sin(y))
+         end associate
+         known = known/known(1)
+         call check_close('free bar: a shape', maxval(abs(shapes(:, k)/shapes(1, k) - known)), &
+            0.0_wp, 5e-6_wp)
+      end do
+   end subroutine test_free_bar
 
    !> Nothing moves at a rigid support, nor at the clamp.
    subroutine test_support()

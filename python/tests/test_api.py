@@ -186,7 +186,7 @@ def test_modes_of_a_free_bar():
     radius = beam["height"]/np.sqrt(12)
     first = 4.7300407**2*radius*np.sqrt(beam["E"]/beam["density"])/(2*np.pi*beam["length"]**2)
     assert found.shape_modes.tolist() == list(range(3, 3 + len(found.shapes)))
-    for number, shape in zip(found.shape_modes[:5], found.shapes):
+    for number, shape in zip(found.shape_modes, found.shapes):
         assert np.count_nonzero(np.diff(np.sign(shape.real))) == number - 1
     # 1e-6: the error of the mesh is far smaller.
     assert found.frequencies[found.shape_modes[0] - 1] == pytest.approx(first, rel=1e-6)

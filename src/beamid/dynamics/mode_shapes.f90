@@ -31,9 +31,13 @@ contains
       complex(wp) :: u(equations%n, 1), s, largest
       real(wp) :: basis(size(x), equations%galerkin%space%n)
       real(wp), allocatable :: re(:), im(:)
+      complex(wp) :: first(equations%n, 1)
       integer :: i, j, k, sweep
       logical :: regular
 
+      ! A start with a share of each mode. Equal or linear values would be a rigid-body motion,
+      ! which is orthogonal to all other modes of a free beam.
+      first(:, 1) = [(modulo(0.618034_wp*j, 1.0_wp) - 0.5_wp, j=1, equations%n)]
       associate (space => equations%galerkin%space, length => equations%structure%length)
          do i = 1, size(x)
             basis(i, :) = space%at(x(i)*space%length/length, 0)
@@ -47,7 +51,7 @@ contains
                      + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
                end do
             end do
-            u = 1
+            u = first
             do sweep = 1, 3
                factors = matrix
                call eliminate(equations%n, 1, factors, u, regular)
