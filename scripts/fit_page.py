@@ -501,7 +501,8 @@ def shapes(outputs):
     numbers = plot_modes.read_numbers(outputs.folder)
     hertz = outputs.units.hertz
     count = min(curves.shape[1], plot_modes.MOST, len(numbers))
-    names = [f"mode {k + 1}: {h.significant(numbers[k][0])} {hertz}".strip() for k in range(count)]
+    names = [f"mode {mode}: {h.significant(frequency)} {hertz}".strip()
+             for frequency, _, mode in numbers[:count]]
     return h.figure(f.shapes(x, curves[:, :count].T.real, names, attached, outputs.units),
                     "Mode shapes over the beam, each to a largest displacement of 1. Squares: what "
                     "is attached to the beam.")

@@ -26,12 +26,14 @@ def read_shapes(directory):
 
 
 def read_numbers(directory):
-    """Frequency and damping ratio of each mode of the finest mesh, of the first record."""
+    """Frequency, damping ratio and number of each mode that has a shape, because it oscillates: of
+    the finest mesh, of the first record."""
     rows = p.read_table(directory / "modes.csv", "elements", "mode", "frequency_hz",
-                        "damping_ratio")
+                        "damping_ratio", "imag")
     rows = [row for row in rows if row["elements"] == rows[-1]["elements"]
-            and row.get("record", "1") == "1"]
-    return [(p.number(row, "frequency_hz"), p.number(row, "damping_ratio")) for row in rows]
+            and row.get("record", "1") == "1" and p.number(row, "imag") > 0]
+    return [(p.number(row, "frequency_hz"), p.number(row, "damping_ratio"), row["mode"])
+            for row in rows]
 
 
 def draw_beam(axes, x):
@@ -67,8 +69,8 @@ def draw(directory):
         there = np.interp(places, x, shapes[:, k].real) + 1j * np.interp(
             places, x, shapes[:, k].imag)
         marks, = axes.plot(places, there.real, "ks", markersize=6)
-        frequency, damping = numbers[k]
-        axes.set_title(f"mode {k + 1}: {p.plain_number(frequency, 5)} {hertz}, damping ratio "
+        frequency, damping, mode = numbers[k]
+        axes.set_title(f"mode {mode}: {p.plain_number(frequency, 5)} {hertz}, damping ratio "
                        f"{p.plain_number(damping, 3)}", fontsize=10)
         axes.set(ylim=(-1.15, 1.15), yticks=[])
         moving.append((curve, marks, shapes[:, k], there))

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import cases
 import numpy as np
@@ -125,13 +126,17 @@ def _word(text: str) -> str:
 
 
 def modes(x: np.ndarray | None, shapes: np.ndarray | None, frequencies: np.ndarray,
-          damping: np.ndarray, hertz: str = "Hz") -> str:
-    """Return a moving picture of each of the lowest modes, all at the same pace."""
+          damping: np.ndarray, hertz: str = "Hz", names: Sequence[str] = ()) -> str:
+    """Return a moving picture of each of the lowest modes, all at the same pace.
+
+    names  numbers of the modes; none: 1, 2, ...
+    """
     if x is None or shapes is None or len(x) < 2:
         return ""
     every = max(1, len(x) // POINTS)
     pieces = []
     for k in range(min(MOST_MODES, len(shapes), len(frequencies))):
+        name = names[k] if names else k + 1
         shape = shapes[k][::every]
         across = 16 + 328 * (x[::every] - x[0]) / (x[-1] - x[0])
 
@@ -141,11 +146,11 @@ def modes(x: np.ndarray | None, shapes: np.ndarray | None, frequencies: np.ndarr
 
         cycle = [path(np.exp(2j * np.pi * frame / FRAMES)) for frame in range(FRAMES + 1)]
         pieces.append(
-            f'<figure><svg viewBox="0 0 360 92" role="img" aria-label="mode {k + 1}">'
+            f'<figure><svg viewBox="0 0 360 92" role="img" aria-label="mode {name}">'
             '<path class="thin" d="M16 46H344"/>'
             f'<path class="ghost" d="{cycle[0]}"/><path class="ghost" d="{cycle[FRAMES // 2]}"/>'
             f'<path class="mode mode{k + 1}" d="{cycle[0]}"><animate attributeName="d" dur="2.4s" '
             f'repeatCount="indefinite" values="{";".join(cycle)}"/></path></svg>'
-            f"<figcaption><b>{k + 1}</b> {frequencies[k]:.5g} {_word(hertz)}, damping ratio "
+            f"<figcaption><b>{name}</b> {frequencies[k]:.5g} {_word(hertz)}, damping ratio "
             f"{damping[k]:.3g}</figcaption></figure>")
     return f'<div class="modes">{"".join(pieces)}</div>' if pieces else ""

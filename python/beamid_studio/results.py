@@ -86,7 +86,8 @@ def mode_pictures(result: Result) -> str:
         return ""
     count = min(shapes.shape[1], len(numbers))
     return drawing.modes(x, shapes.T[:count], np.array([one[0] for one in numbers]),
-                         np.array([one[1] for one in numbers]))
+                         np.array([one[1] for one in numbers]),
+                         names=[one[2] for one in numbers])
 
 
 def report(result: Result) -> str:

@@ -1,6 +1,7 @@
 """Functions, pictures, copies and signatures, against the program's tables and against scipy."""
 import builtins
 import copy
+import importlib
 import inspect
 import math
 import multiprocessing
@@ -201,6 +202,26 @@ def test_modes_of_a_free_bar():
     assert lines.plot()[-1].get_xlabel() == "frequency [Hz]"
     bare = beamid.frf(beam=beam, record=dict(f_first=1, f_last=5, f_step=1))
     assert bare.plot()[-1].get_xlabel() == "frequency [1/time]"
+    pyplot.close("all")
+
+
+def test_pictures_of_modes_by_the_scripts(program, tmp_path, monkeypatch):
+    """plot_modes.py and reports give a shape the number and the frequency of its mode."""
+    pytest.importorskip("matplotlib").use("Agg")
+    case = DATA / "benchmarks" / "free-bar.nml"
+    files = program("modes", case, out=tmp_path)
+    table = columns(files["modes.csv"])
+    known = [(number, float(frequency)) for number, frequency, imag in zip(
+        table["mode"], table["frequency_hz"], table["imag"]) if float(imag) > 0]
+    assert known[0][0] == "3"
+    monkeypatch.syspath_prepend(str(CHECKOUT / "scripts"))
+    plot_modes = importlib.import_module("plot_modes")
+    figure, _ = plot_modes.draw(tmp_path)
+    for axes, (number, frequency) in zip(figure.axes, known):
+        title = axes.get_title() + axes.get_title("left")
+        assert title.startswith(f"mode {number}: ")
+        assert float(title.split()[2].replace("\u202f", "")) == pytest.approx(frequency, rel=1e-4)
+    from matplotlib import pyplot
     pyplot.close("all")
 
 
