@@ -118,7 +118,8 @@ class Fit:
                     f"{h.significant(self.rms_of_modes(), 2)} standard deviations (rms).")
         least = min(p.number(row, "fit_percent") for row in signals)
         if len(self.quality) == 1:
-            return f"The model explains {least:.1f} % of the signal."
+            return (f"The model explains {least:.1f} % of the signal: the residuals have "
+                    f"{100 - least:.1f} % of its rms value.")
         return (f"The model explains at least {math.floor(10 * least) / 10:.1f} % of the signal of "
                 f"each of {len(self.quality)} records.")
 

@@ -30,6 +30,7 @@ CONCERNS: tuple[tuple[str, Field], ...] = (
     ("no parameter counts as determined", ("stage", "free")))
 ADVICE = re.compile(r"add '(\w+)' to free")
 NAMED = re.compile(r"&(\w+) (\w+):")
+BEGIN = re.compile(r"Begin at this time \(t_first=([-+.\deE]+)\)")
 #: Group of each parameter that a sentence of the verdict may begin with.
 GROUPS = {"E": "beam", "c_D": "beam", "gamma": "beam", "length": "beam", "height": "beam",
           "width": "beam", "density": "beam", "k_R": "beam", "m_S": "sensor", "x_S": "sensor",
@@ -45,6 +46,12 @@ class Remark:
     kind: str = "warning"    #: or "error", which stands in the way of a fit, or "note"
     advice: str = ""         #: name of the parameter that the program proposes to estimate
     record: int | None = None    #: place of the record that it concerns, if it is about one
+
+    @property
+    def begin(self) -> str:
+        """The time at which the program proposes to begin; '' if it proposes none."""
+        found = BEGIN.search(self.text)
+        return found[1] if found else ""
 
 
 @dataclass

@@ -248,9 +248,22 @@ class Results:
                         self.infer(command, result, ""))).props(
                         f"outline dense no-caps padding='2px 12px' data-go={command}"):
                     ui.tooltip(meaning).classes("meaning-tip")
+            begin = next((remark.begin for remark in result.remarks if remark.begin), "")
+            if begin and len(self.session.records) == 1:
+                unit = " s" if in_si(Case(result.case)) else ""
+                ui.button(f"Begin at {begin}{unit}, fit again",
+                          on_click=lambda: self.begin_at(begin)).props(
+                    "unelevated dense no-caps padding='2px 12px' data-go=begin")
             ui.button(f"Report of {result.name}",
                       on_click=lambda: self.download_report(result)).props(
                 "unelevated dense no-caps padding='2px 12px' data-go=report")
+
+    async def begin_at(self, time: str) -> None:
+        """Fit the record again from a later time, as the program proposes."""
+        self.session.case.set("record", "t_first", time)
+        self.studio.refresh_fields()
+        self.studio.changed(window=True)
+        await self.studio.start()
 
     async def infer(self, command: str, result: Result, extra: str) -> None:
         """Run a command on a fit, and show what it adds."""

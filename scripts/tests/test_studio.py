@@ -821,6 +821,19 @@ def test_first_user(tab, server, tmp_path):
     look(tab, "ruler")
     compares(tab)
     shows_what_is_added(tab)
+    begins_later(tab, server)
+
+
+def begins_later(tab, server):
+    """One click takes the time at which the program proposes to begin, and fits again."""
+    tab.click("[data-fit='1']")
+    begin = re.search(r"Begin at ([\d.]+) s", tab.inner_text("[data-go=begin]"))[1]
+    fits = tab.locator("[data-fit]").count()
+    tab.click("[data-go=begin]")
+    tab.wait_for_selector(f"[data-fit='{fits + 1}']", timeout=WAIT)
+    text = (server.folder / "ruler" / f"fit_{fits + 1}" / "case.txt").read_text()
+    assert f"t_first={begin}" in text
+    tab.locator("[data-go=begin]").wait_for(state="detached", timeout=WAIT)
 
 
 def says_what_the_result_is(tab):

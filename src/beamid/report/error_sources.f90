@@ -262,7 +262,7 @@ contains
          line = 'reduces J by '//rounded(100*fit%mesh_decrease, 2)//' %'
       end if
       call text%line('warning: mesh: a finer mesh than N = '//to_text(fit%elements)//' '//line// &
-         '; use more elements, or elements=''auto''')
+         '; use a higher degree, more elements, or elements=''auto''')
    end subroutine add_mesh_warning
 
    !> Says what the intervals of profiles, draws and resampled records leave out: the error of the

@@ -101,7 +101,7 @@ contains
       if (.not. simulated%converged) call text%line('warning: mesh: from '// &
          to_text(case%meshes(1)%elements/2)//' to '//to_text(case%meshes(1)%elements)// &
          ' elements the acceleration still changes by '//to_text(simulated%remaining)// &
-         ' rms; use more elements')
+         ' rms; use a higher degree (degree=5) or more elements')
       call text%add(response_summary(case, simulated%simulations))
       summary = text%content()
    end subroutine report_simulation
