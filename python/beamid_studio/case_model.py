@@ -169,6 +169,8 @@ class Case:
                     which = " of record ".join(cases.unquoted(keys[key]) for key in
                                                ("parameter", "record") if key in keys)
                 for key, values in keys.items():
+                    if name == "prior" and key in ("parameter", "record"):
+                        continue    # `which` names them
                     found[name, which, key] = tuple(number_text(one) or one for one in values)
         return found
 

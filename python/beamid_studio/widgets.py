@@ -70,6 +70,8 @@ class NumberField:
                 f'outlined dense {"stack-label" if label else ""} debounce=250 inputmode=decimal '
                 f'autocomplete=off data-field="{"-".join(place)}" '
                 f'aria-label="{label or "standard deviation of " + sd}"')
+            if sd:    # a preset that the user has looked at is the user's value
+                self.input.on("keydown.enter", self.confirm).on("blur", self.confirm)
             self.select: ui.select | None = None
             with self.input.add_slot("append"):
                 if len(units) > 1:
@@ -104,6 +106,11 @@ class NumberField:
             is_preset = bool(raw) and self.presets.get(self.sd) == raw
             self.tells.suggest("Preset: check it." if is_preset else "")
         self.muted = False
+
+    def confirm(self) -> None:
+        """Take a preset as the value of the user, who has been in its field."""
+        if self.presets.pop(self.sd, None) is not None:
+            self.tells.suggest("")
 
     def read(self) -> None:
         """Take the value that the user has entered."""

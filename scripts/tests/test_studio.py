@@ -862,6 +862,10 @@ def follows_changes(tab):
     tab.fill("[data-field=prior-height]", "0.01")
     tab.wait_for_function("[...document.querySelectorAll('.hint')].filter((one) => "
                           "one.offsetParent).length === 1", timeout=WAIT)
+    # A preset that is right is confirmed in its field.
+    tab.focus("[data-field=prior-length]")
+    tab.keyboard.press("Enter")
+    tab.get_by_text("Preset: check it.").wait_for(state="hidden", timeout=WAIT)
     tab.click("[data-step=save]")
     differs = tab.locator("[data-field=differs]")
     differs.wait_for(timeout=WAIT)
