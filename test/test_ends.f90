@@ -15,6 +15,7 @@ program test_ends
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, compliance_at, end_t, &
+      free_end, &
       hose_t, J_M_at, k_H_at, kappa_P_at, kappa_RP_at, m_H_at, m_M_at, mass_t, no_spring, of_E, &
       of_length, of_m_T, sensor_t, structure_t, support_t, x_H_at, x_M_at, x_P_at
    use checks, only: check, check_close, finish, in_long_run, skip
@@ -34,6 +35,7 @@ program test_ends
 
    call start_random(20261125)
    call test_frequencies()
+   call test_symmetric_beams()
    do i = 1, merge(440, 48, in_long_run())
       call test_motion(i)
    end do
@@ -110,6 +112,38 @@ contains
          end do
       end do
    end subroutine test_frequencies
+
+   !> Beams with equal springs at both ends: symmetric modes have no part of the antisymmetric ones,
+   !> and the two motions as a rigid body respond at the same pole. Without damping, the roots are
+   !> the natural frequencies of the band matrices, which use no poles.
+   subroutine test_symmetric_beams()
+      real(wp), parameter :: springs(6) = [1e-3_wp, 1e-2_wp, 0.3_wp, 3.0_wp, 30.0_wp, 1e3_wp]
+      type(mesh_t), parameter :: mesh = mesh_t(3, 16, 4, 1)
+      type(structure_t) :: s
+      type(galerkin_t), target :: galerkin
+      type(error_t), allocatable :: error
+      type(end_t) :: elastic
+      complex(wp), allocatable :: found(:)
+      real(wp), allocatable :: omega(:)
+      integer :: k, turns
+
+      do turns = 0, 1
+         do k = 1, size(springs)
+            elastic = free_end
+            elastic%kappa_w = 1/springs(k)
+            if (turns == 1) elastic%kappa_R = 1/springs(k)
+            s = structure_t(length=1, rho=1, E=1, I=1, end=[elastic, elastic])
+            galerkin = galerkin_of(mesh, s)
+            call damped_roots(new_equations(galerkin, s, pulse()), found, error)
+            if (.not. allocated(error)) call natural_frequencies(s, mesh, omega, error)
+            call check('equal springs '//to_text(springs(k))//': found', .not. allocated(error))
+            if (allocated(error)) cycle
+            ! The lowest frequencies are a share of round-off of the highest, 1e-5 in omega**2.
+            call check_close('equal springs '//to_text(springs(k)), maxval(abs(abs(found(:6)) &
+               /omega(:6) - 1)), 0.0_wp, 1e-6_wp)
+         end do
+      end do
+   end subroutine test_symmetric_beams
 
    !> Returns a force of random nodes over the first second.
    function pulse() result(force)

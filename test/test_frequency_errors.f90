@@ -160,7 +160,7 @@ contains
       character(len=*), parameter :: header = 'mode,frequency_hz,sd_hz,damping_ratio,sd_damping'//nl
       type(outcome_t) :: outcome
       type(answer_t) :: answer
-      character(len=:), allocatable :: in_percent, left_out, modes, table, table_case
+      character(len=:), allocatable :: in_percent, left_out, light, modes, table, table_case
       real(wp) :: f, zeta
       integer :: k
 
@@ -172,12 +172,14 @@ contains
       table = read_file('truth/modes.csv')
       modes = header
       in_percent = header
+      light = header
       left_out = header
       do k = 1, 6
          f = number(field(table, k, 3))
          zeta = number(field(table, k, 4))
          call add(modes, k, f, zeta)
          if (k <= 2) call add(in_percent, k, f, 100*zeta)
+         if (k <= 2) call add(light, k, f, 100*zeta/10)
          if (k == 1) call add(left_out, 1, f, zeta)
          if (k == 3) call add(left_out, 2, f, zeta)
       end do
@@ -188,6 +190,10 @@ contains
          answer%out)
       call write_file('r.csv', in_percent)
       call check_refused('percent', 2, 'identify', table_case, 'look like percent')
+      call write_file('r.csv', light)
+      call check_refused('percent of light damping', 2, 'identify', replaced(table_case, &
+         'c_D=1.7e6, gamma=0.05', 'c_D=1.7e5, gamma=0.005'), 'look like percent')
+      call write_file('r.csv', in_percent)
       call check_refused('percent, time hysteresis', 2, 'identify', replaced(table_case, &
          'c_D=1.7e6, gamma=0.05', 'd_1=0.01, b_1=300'), 'look like percent')
       call write_file('r.csv', left_out)

@@ -11,13 +11,14 @@ module beamid_roots
    use beamid_ehrlich_aberth, only: iterate
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
-   use beamid_errors, only: error_t
+   use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_relaxation_roots, only: find_relaxation_roots
    use beamid_sorting, only: sort_by
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use beamid_systems, only: improve_root
    use beamid_vectors, only: nearest_pole, vector_t
@@ -65,10 +66,30 @@ contains
             end associate
          end do
          call sort_by(abs(roots), roots)
+         call check_distinct(roots, error)
          ! A motion as a rigid body has one root 0 or two; it is one mode.
          roots = roots(1 + structure%zero_roots() - structure%rigid_body_modes():)
       end associate
    end subroutine damped_roots
+
+   !> Refuses roots of which one that oscillates is listed twice, so that another one is missing.
+   !> The upper half does not count: the highest modes of a mesh come in pairs, one at each end.
+   subroutine check_distinct(roots, error)
+      complex(wp), intent(in) :: roots(:)   !< by ascending |s| [1/time]
+      type(error_t), allocatable, intent(out) :: error
+      !> Relative distance of two roots below which they are one. A root has ten digits or more.
+      real(wp), parameter :: same = 1e-9_wp
+      integer :: k
+
+      do k = 1, size(roots)/2
+         if (.not. aimag(roots(k)) > 1e-3_wp*abs(roots(k))) cycle
+         if (count(abs(roots - roots(k)) <= same*abs(roots(k))) == 1) cycle
+         call failure(error, 'modal: not all roots of the characteristic equation were found: '// &
+            'that at s = '//to_text(real(roots(k)))//' + i '//to_text(aimag(roots(k)))// &
+            ' was found twice; try other elements')
+         return
+      end do
+   end subroutine check_distinct
 
    !> Follows all modes that oscillate to those of the structure with structural damping.
    !>

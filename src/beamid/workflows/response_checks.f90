@@ -171,8 +171,8 @@ contains
       type(experiment_t), intent(in) :: experiment
       type(error_t), allocatable, intent(out) :: error
       !> Factor between values of the case and of a beam that are meant to be the same; geometric
-      !> mean of the ratios that a beam may have.
-      real(wp), parameter :: usual = 3, most = 0.1_wp
+      !> mean below which values are too small for percent.
+      real(wp), parameter :: usual = 3, least = 0.02_wp
       real(wp), allocatable :: expected(:)
       real(wp) :: factor
 
@@ -182,7 +182,7 @@ contains
          call find_damping(experiment%structure_of(case%model%structure), observed%frequency, &
             expected)
          if (.not. allocated(expected) .or. any(observed%damping <= 0)) return
-         if (sum(log(observed%damping)) < size(expected)*log(most)) return
+         if (sum(log(observed%damping)) < size(expected)*log(least)) return
          factor = exp(sum(log(observed%damping/expected))/size(expected))
          if (abs(log(factor/100)) < log(usual)) call refuse(case%path, case%recordings(r)%line, &
             'record file', 'damping ratios that are '//rounded(factor, 3)// &
