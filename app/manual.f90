@@ -8,7 +8,7 @@ module beamid_manual
    use beamid_help_pages, only: help_page_t
    use beamid_key_help, only: add_group_list, add_help_on, add_see_also, known_words
    use beamid_manual_page, only: add_page, purpose
-   use beamid_see_also, only: a_command, an_everyday_word, is_everyday_word
+   use beamid_see_also, only: a_command, an_everyday_word, related_words
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower
    use beamid_terminal, only: page_width, print_text
@@ -129,7 +129,7 @@ contains
       end do
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), page, found)
       if (found) return
-      if (is_everyday_word(lower(word))) then
+      if (related_words(an_everyday_word, lower(word)) /= '') then
          call page%paragraph(0, word//' is the name of no key')
          call add_see_also(page, an_everyday_word, lower(word), fact_column)
          return

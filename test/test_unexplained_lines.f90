@@ -2,8 +2,7 @@
 !> that no mode separates, and the level of the test for constant parameters.
 program test_unexplained_lines
    use beamid_drifts, only: drift_t, find_drifts
-   use beamid_early_residuals, only: end_of_early_residuals, extend_to_later, &
-      share_of_modes
+   use beamid_early_residuals, only: end_of_early_residuals, share_of_modes
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_release
    use beamid_experiments, only: experiment_t
@@ -173,7 +172,7 @@ contains
             damping=4.0_wp)
          if (.not. allocated(fit%free)) return
          call check('a short motion: found', index(verdict%early, 'until t = ') == 1, verdict%early)
-         call extend_to_later(verdict%later, fit)
+         if (allocated(verdict%early_change)) call fit%extend(verdict%early_change)
          error = exact - fit%fit%estimate(:4)
          do k = 1, 4
             far = max(far, abs(error(k))/fit%statistics%corrected_half_width(k))

@@ -191,7 +191,7 @@ contains
          loaded = case%model%structure
          loaded%stands = .true.
          call loaded%set(place, merge(-load, load, place == of_T))
-         equations = new_equations(galerkin, loaded, new_pulse(0.0_wp, 1.0_wp))
+         equations = new_equations(galerkin, loaded)
          buckles = equations%buckles()
       end function buckles
 

@@ -259,24 +259,22 @@ def numbers(values: Any, what: str) -> np.ndarray:
 
     what  name of the values in errors. Masked values and whatever is not a real number are rejected
     """
-    if np.ma.is_masked(values):
-        raise InputError(f"{what}: found {np.ma.getmaskarray(values).sum()} masked values, "
-                         "expected none")
-    try:
-        array = np.ascontiguousarray(_without_text(values, "iufO"), dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{what}: found {_shortened(values)}, expected real numbers") from None
-    return _in_a_row(array, what)
+    return _numbers(values, what, "iufO", float, "real numbers")
 
 
 def complex_numbers(values: Any, what: str) -> np.ndarray:
     """Return values as an array (n) of complex numbers; as `numbers`."""
+    return _numbers(values, what, "iufcO", complex, "numbers")
+
+
+def _numbers(values: Any, what: str, kinds: str, dtype: type, expected: str) -> np.ndarray:
     if np.ma.is_masked(values):
-        raise InputError(f"{what}: found masked values, expected none")
+        raise InputError(f"{what}: found {np.ma.getmaskarray(values).sum()} masked values, "
+                         "expected none")
     try:
-        array = np.asarray(_without_text(values, "iufcO"), dtype=complex)
+        array: np.ndarray = np.ascontiguousarray(_without_text(values, kinds), dtype=dtype)
     except (TypeError, ValueError):
-        raise InputError(f"{what}: found {_shortened(values)}, expected numbers") from None
+        raise InputError(f"{what}: found {_shortened(values)}, expected {expected}") from None
     return _in_a_row(array, what)
 
 

@@ -4,7 +4,7 @@ module beamid_see_also
    implicit none
    private
 
-   public :: is_everyday_word, related_t, related_words, see_also
+   public :: related_t, related_words, see_also
 
    !> Kinds of topics with a row of their own, beside the keys of a group.
    character(len=*), parameter, public :: a_command = 'command', a_group = 'group', &
@@ -178,13 +178,6 @@ module beamid_see_also
    type(related_t), parameter :: see_also(*) = [command_rows, group_rows, key_rows, everyday_rows]
 
 contains
-
-   !> Tells whether a word names no topic, but leads to others.
-   pure logical function is_everyday_word(word)
-      character(len=*), intent(in) :: word
-
-      is_everyday_word = any(see_also%of == an_everyday_word .and. see_also%topic == word)
-   end function is_everyday_word
 
    !> Returns the words related to a topic, separated by blanks; '' if there are none. The group of
    !> a key, and `free` for a parameter, are among the words.

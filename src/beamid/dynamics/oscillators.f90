@@ -246,7 +246,7 @@ contains
       type(oscillators_t), intent(in) :: self
       type(root_t), intent(in) :: root
       complex(wp), intent(inout) :: D(:), dD(:)
-      complex(wp) :: past(2), inverse, of_rate, origin
+      complex(wp) :: past(2), inverse, slope, origin
       real(wp) :: pole(size(D))
       integer :: i, l
 
@@ -256,7 +256,7 @@ contains
          + cmplx(self%k, self%l, wp)
       do l = 1, self%relaxation%n
          inverse = 1/past(l)
-         of_rate = self%relaxation%rate(l)*inverse**2
+         slope = self%relaxation%rate(l)*inverse**2
          ! As in `distance_between`, to all digits near a pole of this relaxation.
          if (root%side == 2 + l) then
             pole = self%creep(:, l)
@@ -267,7 +267,7 @@ contains
          end if
          do i = 1, size(D)
             if (.not. self%relaxes(i)) cycle
-            dD(i) = dD(i) + self%relaxed(i, l)*of_rate
+            dD(i) = dD(i) + self%relaxed(i, l)*slope
             if (self%l(i) > 0) then
                D(i) = D(i) + self%relaxed(i, l)*root%s*inverse
             else

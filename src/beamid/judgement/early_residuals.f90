@@ -10,7 +10,7 @@ module beamid_early_residuals
    implicit none
    private
 
-   public :: end_of_early_residuals, extend_to_later, find_early_residuals, share_of_modes
+   public :: end_of_early_residuals, find_early_residuals, share_of_modes
 
 contains
 
@@ -21,23 +21,24 @@ contains
    !> experiments  (records)
    !> fit          of these records
    !> s            (modes, records) roots of the fitted modes [1/time]
-   !> later        (rows) .false. for the first samples of these records
+   !> change       (free) of the searched variables without the first samples of these records, to
+   !>              first order; not allocated if there is no such record
    !> text         '' if there is no such record
-   subroutine find_early_residuals(experiments, fit, s, later, text)
+   subroutine find_early_residuals(experiments, fit, s, change, text)
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:, :)
-      logical, allocatable, intent(out) :: later(:)
+      real(wp), allocatable, intent(out) :: change(:)
       character(len=:), allocatable, intent(out) :: text
       !> Least share of the sum of squares of a record, and least change of an estimate in half
       !> widths of its interval.
       real(wp), parameter :: least_share = 0.2_wp, least_change = 0.5_wp
       character(len=:), allocatable :: time, times
-      real(wp) :: largest, ratio
+      real(wp) :: largest, ratio, sd(size(fit%free))
       integer :: first, k, modes, named, r
-      logical :: matters
+      logical :: matters, kept(size(fit%fit%residual))
 
-      allocate (later(size(fit%residual)), source=.true.)
+      kept = .true.
       text = ''
       times = ''
       largest = 0
@@ -52,7 +53,7 @@ contains
             if (modes > 0 .and. size(t) == m) call end_of_unexplained(t, experiments(r)%measured, &
                residual(first + 1:first + m), s(:modes, r), k, ratio)
             if (k > 0) then
-               later(first + 1:first + k - 1) = .false.
+               kept(first + 1:first + k - 1) = .false.
                matters = matters .or. sum(residual(first + 1:first + k - 1)**2) >= &
                   least_share*sum(residual(first + 1:first + m)**2)
                call put_time(t, k, time)
@@ -64,45 +65,23 @@ contains
             first = first + m
          end associate
       end do
-      if (.not. matters .and. named > 0) matters = any(abs(change_by_leaving(later, fit)) > &
-         least_change*[(fit%half_width(k), k=1, size(fit%free))])
-      if (.not. matters) later = .true.
-      if (.not. matters) named = 0
-      select case (named)
-      case (0)
-         return
-      case (1)
+      if (named == 0) return
+      allocate (change(size(fit%free)))
+      call fit%step_of_rows(pack([(k, k=1, size(kept))], kept), change, sd)
+      matters = matters .or. any(abs(change) > least_change*[(fit%half_width(k), &
+         k=1, size(fit%free))])
+      if (.not. matters) then
+         deallocate (change)
+      else if (named == 1) then
          text = 'until '//times//' the residuals are '//rounded(largest, 2)//' times as large '// &
             'as later: the record holds something there that the fit lacks, such as higher '// &
             'modes. Begin at this time (t_first='//time//'), and fit again'
-      case default
+      else
          text = 'until '//times//' the residuals are up to '//rounded(largest, 2)//' times as '// &
             'large as later: the records hold something there that the fit lacks, such as '// &
             'higher modes. Begin at these times (t_first), and fit again'
-      end select
+      end if
    end subroutine find_early_residuals
-
-   !> Extends the total intervals to the estimates without the first samples of `later`, to first
-   !> order.
-   subroutine extend_to_later(later, fit)
-      logical, intent(in) :: later(:)   !< (rows) from `find_early_residuals`
-      type(stage_fit_t), intent(inout) :: fit
-
-      if (.not. all(later)) call fit%extend(change_by_leaving(later, fit))
-   end subroutine extend_to_later
-
-   !> Returns by how much the estimates change, to first order, if samples are left out.
-   function change_by_leaving(kept, fit) result(change)
-      logical, intent(in) :: kept(:)   !< (rows of the records)
-      type(stage_fit_t), intent(in) :: fit
-      real(wp), dimension(size(fit%free)) :: change, sd
-      logical :: rows(size(fit%fit%residual))
-      integer :: i
-
-      rows = .true.
-      rows(:size(kept)) = kept
-      call fit%step_of_rows(pack([(i, i=1, size(rows))], rows), change, sd)
-   end function change_by_leaving
 
    !> Finds the end of residuals that are large at the beginning of a record, as
    !> `end_of_early_residuals` does, unless errors of the fitted modes explain them.

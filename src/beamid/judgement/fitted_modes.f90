@@ -3,7 +3,6 @@
 module beamid_fitted_modes
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: two_pi, wp
@@ -135,7 +134,7 @@ contains
       if (fit%statistics%samples > 0) free = fit%free
       do r = 1, size(self%solver)
          equations = new_equations(self%galerkin(r), fit%scenario%structures(r), &
-            new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
+            matrices=.false.)
          call self%solver(r)%lowest_roots(equations, free, min(count, &
             self%galerkin(r)%space%n), s, ds, together, work, error)
          if (allocated(error)) return

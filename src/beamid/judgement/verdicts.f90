@@ -4,7 +4,6 @@ module beamid_verdicts
    use beamid_early_residuals, only: find_early_residuals
    use beamid_equations, only: new_equations, equations_t
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: two_pi, wp
@@ -33,8 +32,8 @@ module beamid_verdicts
       character(len=:), allocatable :: caution
       !> until when a record contains more than the modes of the fit; '': no record does
       character(len=:), allocatable :: early
-      !> (rows of the residuals) .false. for those until then
-      logical, allocatable :: later(:)
+      !> (free) change of the searched variables without the samples until then
+      real(wp), allocatable :: early_change(:)
       !> modes at whose frequencies the fit leaves a spectral line, as lists; '': none. missed: the
       !> record shows a decaying oscillation of another frequency or rate than the model.
       !> departures: all others
@@ -89,7 +88,6 @@ contains
       if (allocated(error)) return
       allocate (verdict%qualities(size(experiments)), verdict%sightings(0), &
          verdict%lost(size(fit%free)), departing(size(s, 1)))
-      allocate (verdict%later(size(fit%residual)), source=.true.)
       verdict%lost = .false.
       verdict%departures = ''
       verdict%missed = ''
@@ -124,7 +122,7 @@ contains
       end if
       verdict%early = ''
       if (verdict%departures == '' .and. verdict%missed == '') call find_early_residuals( &
-         experiments, fit, s, verdict%later, verdict%early)
+         experiments, fit, s, verdict%early_change, verdict%early)
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       if (verdict%no_fit /= '') call add_mean(experiments, fit, verdict%no_fit)
       call judge_lines(verdict)
@@ -282,7 +280,7 @@ contains
             galerkin = galerkin_of(mesh, structures(r), moving=fit%free)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
-            equations = new_equations(galerkin, structures(r), new_pulse(0.0_wp, 1.0_wp))
+            equations = new_equations(galerkin, structures(r))
             n = min(modes, galerkin%space%n)
             call solver%lowest_roots(equations, fit%free, n, found, slopes, together, work, error)
             if (allocated(error)) return

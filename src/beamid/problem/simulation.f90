@@ -2,7 +2,7 @@
 module beamid_simulation
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_pulse
+   use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: coarsest, finest, galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_model_checks, only: check_model, check_times
@@ -149,7 +149,7 @@ contains
       remaining = huge(remaining)
       do
          galerkin = galerkin_of(mesh, structure, fixed=.true.)
-         equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+         equations = new_equations(galerkin, structure)
          call undamped_modes(equations, omega, shapes, error)
          if (allocated(error)) return
          if (allocated(before)) then

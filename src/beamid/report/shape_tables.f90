@@ -2,7 +2,6 @@
 module beamid_shape_tables
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row
@@ -48,7 +47,7 @@ contains
       coarser = mesh
       coarser%elements = min(mesh%elements, finest)
       galerkin = galerkin_of(coarser, structure, fixed=.true.)
-      equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+      equations = new_equations(galerkin, structure)
       x = structure%length*[(k/(points - 1.0_wp), k=0, points - 1)]
       call mode_shapes(equations, s, x, shapes, error)
       if (allocated(error)) then

@@ -5,7 +5,6 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_damage_regions, only: judge_shape_of_dip
    use beamid_drifts, only: default_windows, drift_t, find_drifts
-   use beamid_early_residuals, only: extend_to_later
    use beamid_errors, only: error_t, failure, locate, status_failed
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
@@ -219,7 +218,7 @@ contains
             call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
             call new_verdict(found%experiments, mesh, last, found%verdict, error)
             if (.not. allocated(error)) then
-               call extend_to_later(found%verdict%later, last)
+               if (found%verdict%early /= '') call last%extend(found%verdict%early_change)
                if (found%verdict%no_fit /= '') &
                   call add_causes(case, found%experiments, found%notes, found%verdict%no_fit)
                if (found%verdict%caution == '') &

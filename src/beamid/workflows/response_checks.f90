@@ -4,7 +4,6 @@ module beamid_response_checks
    use beamid_case_files, only: case_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_fit_setups, only: set_free
    use beamid_frequency_responses, only: frequency_response_t, quantities
@@ -211,7 +210,7 @@ contains
       galerkin = galerkin_of(mesh_t(elements=2*most), structure)
       call solver%prepare(galerkin, error)
       if (allocated(error)) return
-      equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp), matrices=.false.)
+      equations = new_equations(galerkin, structure, matrices=.false.)
       call solver%lowest_roots(equations, [integer ::], most, s, ds, together, work, error)
       if (allocated(error)) return
       s = pack(s, aimag(s) > 0)
