@@ -27,7 +27,7 @@ module beamid_poles
       type(root_t), allocatable :: root(:)
       !> every root, conjugates included: the start of the next search
       type(root_t), allocatable :: all(:)
-      !> (relaxation roots) where they lie, from `beamid_relaxation_roots`
+      !> (relaxation roots) their relative positions, from `shares_of`
       real(wp), allocatable :: shares(:)
       complex(wp), allocatable :: s(:)            !< (poles) values of `root` [1/time]
       !> (poles) residues r, doubled for pairs. Without the clusters, the response to a unit impulse

@@ -72,7 +72,7 @@ contains
       end associate
    end subroutine damped_roots
 
-   !> Refuses roots of which one that oscillates is listed twice, so that another one is missing.
+   !> Reports an error if a root that oscillates is listed twice, so that another one is missing.
    !> The upper half does not count: the highest modes of a mesh come in pairs, one at each end.
    subroutine check_distinct(roots, error)
       complex(wp), intent(in) :: roots(:)   !< by ascending |s| [1/time]

@@ -89,9 +89,9 @@ contains
             roots(j + (side - 1)*half)%s = pair(side)
             call leave_axis(assembly, side, roots(j + (side - 1)*half))
          end do
-         ! An oscillator with a strong response of its own need not take part in the mode: that of a
-         ! symmetric structure has none of the antisymmetric modes. Newton's method follows the
-         ! first root of a pair.
+         ! An oscillator with a strong response of its own need not take part in the mode: symmetric
+         ! modes of a symmetric structure contain no antisymmetric oscillator. Newton's method
+         ! follows the first root of a pair.
          if (abs(aimag(pair(1))) > 0) roots(j)%j = &
             maxloc(assembly%oscillators%m*K(:, j)**2, dim=1)
       end do

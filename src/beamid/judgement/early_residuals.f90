@@ -14,9 +14,9 @@ module beamid_early_residuals
 
 contains
 
-   !> Finds the records whose residuals are much larger in their first samples, unless they are
-   !> errors of the modes that were fitted, and describes them. Samples that hold a small share of
-   !> the sum of squares, and hardly move the estimates, do not count.
+   !> Finds and describes the records whose residuals are much larger in the first samples than
+   !> later, and are not explained by errors of the fitted modes. Nothing is found if these samples
+   !> hold a small share of the sum of squares in each record, and hardly move any estimate.
    !>
    !> experiments  (records)
    !> fit          of these records
@@ -150,8 +150,8 @@ contains
       end associate
    end function share_of_modes
 
-   !> Finds the sample from which on the residuals of a free decay have their later size, first with
-   !> blocks of many samples (a 256th of the record, but at least 16), then with blocks of few.
+   !> Finds the first sample behind large residuals at the beginning of a free decay: with blocks of
+   !> many samples (a 256th of the record, but at least 16), then with blocks of few.
    !>
    !> t         (m) [time]
    !> z         (m) measured [length/time**2]
@@ -174,10 +174,11 @@ contains
    !>   half of the record, and those of the others at least three times as large, and at least a
    !>   tenth of those of the first one;
    !> - they are at most a quarter of the record;
-   !> - the residuals fall behind them by at least three times the factor by which the cube of the
-   !>   slowest mode falls. (Residuals that follow a power of the motion are errors of a model whose
-   !>   damping or stiffness is constant.) The motion must have begun: if it is much larger later
-   !>   than in the first block, the window begins with a quiet time, another mistake.
+   !> - behind them, the residuals drop by at least three times the factor by which the cube of the
+   !>   slowest mode's amplitude decays in that time. (Residuals that follow a power of the motion
+   !>   are errors of a model whose damping or stiffness is constant.) The motion must have begun:
+   !>   if it is much larger later than in the first block, the window begins before the motion,
+   !>   which is reported elsewhere.
    !> A record of fewer than 12 blocks is not examined. The mean squares of white noise in two
    !> blocks of four samples or more differ much less. The residuals behind the first blocks may
    !> still be large, because the fit tries to explain all of them; a second fit that begins there

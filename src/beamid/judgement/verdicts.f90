@@ -32,7 +32,7 @@ module beamid_verdicts
       character(len=:), allocatable :: caution
       !> until when a record contains more than the modes of the fit; '': no record does
       character(len=:), allocatable :: early
-      !> (free) change of the searched variables without the samples until then
+      !> (free) change of the searched variables if these early samples are left out
       real(wp), allocatable :: early_change(:)
       !> modes at whose frequencies the fit leaves a spectral line, as lists; '': none. missed: the
       !> record shows a decaying oscillation of another frequency or rate than the model.

@@ -147,7 +147,7 @@ contains
       call self%restore(kept)
    end subroutine check_sample
 
-   !> Lets some samples stand in for each long time record, as `keep_sample` chooses them.
+   !> Replaces each long time record by some of its samples, as `keep_sample` chooses them.
    !>
    !> most  number of samples from which on a record is long
    !> kept  the data of all parts, for `restore`; of size 0 if no record is long

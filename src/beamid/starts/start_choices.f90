@@ -309,13 +309,13 @@ contains
 
    !> Lists the other minima of J: trials without an objection, with other parameters.
    !>
-   !> best    index of the trial that was picked
-   !> rows    number of rows of the whole records for each row of the trials
-   !> rivals  in the order of the trials
-   subroutine list_rivals(choice, best, rows, rivals)
+   !> best       index of the trial that was picked
+   !> row_ratio  number of rows of the whole records for each row of the trials
+   !> rivals     in the order of the trials
+   subroutine list_rivals(choice, best, row_ratio, rivals)
       type(choice_t), intent(in) :: choice
       integer, intent(in) :: best
-      real(wp), intent(in) :: rows
+      real(wp), intent(in) :: row_ratio
       type(rival_t), allocatable, intent(out) :: rivals(:)
       type(rival_t) :: rival
       integer :: differs(size(choice%trials)), j, k
@@ -333,8 +333,8 @@ contains
             q => choice%quantities(differs(k)))
             rival%shift = other%estimate - picked%estimate
             rival%ratio = other%J/picked%J
-            rival%text = 'another minimum: J = '//to_text(rows*other%J)//' with '//trim(q%name)// &
-               ' = '//to_text(as_named(q%parameter, other%estimate(differs(k))))// &
+            rival%text = 'another minimum: J = '//to_text(row_ratio*other%J)//' with '// &
+               trim(q%name)//' = '//to_text(as_named(q%parameter, other%estimate(differs(k))))// &
                ' instead of '//to_text(as_named(q%parameter, picked%estimate(differs(k))))
          end associate
          rivals = [rivals, rival]

@@ -37,8 +37,8 @@ module beamid_starts
    !> Number of modes that are matched if the initial state of the motion is known, and largest
    !> number of spectral lines of a record.
    integer, parameter :: usual_modes = 2, most_lines = 12
-   !> Number of samples of a record that trial fits use at most: runs of neighbours from the whole
-   !> record. The fit that follows uses all samples.
+   !> Number of samples of a record that trial fits use at most: runs of consecutive samples, spread
+   !> over the record. The fit that follows uses all samples.
    integer, parameter :: most_samples = 32768
 
 contains

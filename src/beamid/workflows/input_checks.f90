@@ -115,8 +115,8 @@ contains
       text = trim(rounded(frequency, 4)//' '//case%units%frequency())
    end function with_unit
 
-   !> Adds to a text which mistakes in the input may be the cause of a fit that fails: the warnings
-   !> of the records, and a first natural frequency that is far from the record's.
+   !> Appends to the message of a failed fit which mistakes in the input may be its cause: the
+   !> warnings of the records, and a first natural frequency that is far from the record's.
    subroutine add_causes(case, experiments, notes, text)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
