@@ -106,22 +106,27 @@ contains
       end associate
    end subroutine test_linear
 
-   !> 2 % noise (.0176, seed 3), where c_D is known to a factor: against emcee 3.1 (48 walkers,
-   !> 4,000 steps, 300 left out; autocorrelation time 44) on -(49/2) log J with c_D, m_H, c_H, k_H >
-   !> 0. Its means are known to .016 and its ends to .04 standard deviations, ours to .01 and .03:
-   !> .03 + .03 of a standard deviation for means, three of both deviations for ends, 3 % for
-   !> deviations.
+   !> 2 % noise (.0176, seed 3), where c_D is known to a factor: against 600,000 draws by a program
+   !> in NumPy (B-splines, numpy.linalg.eig, density J**(-49/2) for c_D, m_H, c_H, k_H > 0, weights
+   !> from a t distribution), worth 440,000 independent ones. Its halves agree to .003 standard
+   !> deviations in the means and to .12 % in the deviations: nothing beside the errors of draws.
+   !> With n independent draws, means and deviations scatter by 1/sqrt(n) (c_D's deviation by 1.0 %
+   !> over 24 seeds), and ends by 3/sqrt(n) standard deviations: four times these are allowed.
    subroutine test_other_sampler()
-      real(wp), parameter :: mean(4) = [7.24757e-3_wp, 3.85965e-2_wp, 3.54118e-3_wp, 0.295547_wp]
-      real(wp), parameter :: sd(4) = [3.289e-3_wp, 1.678e-3_wp, 3.14e-4_wp, 4.088e-3_wp]
-      real(wp), parameter :: lower(4) = [1.96598e-3_wp, 3.56118e-2_wp, 2.94587e-3_wp, 0.287894_wp]
-      real(wp), parameter :: upper(4) = [1.47834e-2_wp, 4.22491e-2_wp, 4.18938e-3_wp, 0.304078_wp]
+      real(wp), parameter :: mean(4) = [7.23725e-3_wp, 3.862321e-2_wp, 3.54469e-3_wp, &
+         0.29560969_wp]
+      real(wp), parameter :: sd(4) = [3.28337e-3_wp, 1.69275e-3_wp, 3.177e-4_wp, 4.11414e-3_wp]
+      real(wp), parameter :: lower(4) = [1.94117e-3_wp, 3.560121e-2_wp, 2.94791e-3_wp, &
+         0.28787588_wp]
+      real(wp), parameter :: upper(4) = [1.472535e-2_wp, 4.226754e-2_wp, 4.20014e-3_wp, &
+         0.30410819_wp]
       type(experiment_t) :: experiments(1)
       type(stage_fit_t) :: found
       type(side_t), allocatable :: sides(:, :)
       type(posterior_draws_t) :: posterior
       type(plan_t) :: plan
       real(wp), allocatable :: x(:)
+      real(wp) :: scatter
       character(len=:), allocatable :: way
       integer :: p, kind
 
@@ -139,16 +144,17 @@ contains
          call check(way//'as asked for', posterior%draws%weighted .eqv. kind == 1)
          call check(way//'worth', posterior%draws%effective > 4000)
          call check(way//'chains agree', all(posterior%draws%reduction < 1.01_wp))
+         scatter = 1/sqrt(min(posterior%draws%effective, 10000.0_wp))
          do p = 1, 4
             x = posterior%draws%q(p, :)
             call sort(x)
             call check_close(way//names(p)//', mean', (sum(x)/size(x) - mean(p))/sd(p), 0.0_wp, &
-               0.06_wp)
-            call check_close(way//names(p)//', deviation', deviation(x)/sd(p), 1.0_wp, 0.03_wp)
+               4*scatter)
+            call check_close(way//names(p)//', deviation', deviation(x)/sd(p), 1.0_wp, 4*scatter)
             call check_close(way//names(p)//', lower end', (quantile(x, 0.025_wp) - lower(p)) &
-               /sd(p), 0.0_wp, 0.15_wp)
+               /sd(p), 0.0_wp, 12*scatter)
             call check_close(way//names(p)//', upper end', (quantile(x, 0.975_wp) - upper(p)) &
-               /sd(p), 0.0_wp, 0.15_wp)
+               /sd(p), 0.0_wp, 12*scatter)
          end do
       end do
    end subroutine test_other_sampler

@@ -26,11 +26,13 @@ contains
       real(wp), parameter :: tails(2) = [0.05_wp, 0.95_wp]
       real(wp), dimension(size(draws, 1)/2, 2*size(draws, 2)) :: split, folded, scores
       real(wp), allocatable :: sorted(:)
+      real(wp) :: known(size(split))
       integer :: k
 
       split = split_chains(draws)
       sorted = ascending(split)
-      scores = normal_scores(split, sorted)
+      known = 0
+      call find_normal_scores(split, sorted, known, scores)
       bulk = effective_size(scores)
       folded = abs(split - quantile(sorted, 0.5_wp))
       associate (lower => sorted((size(sorted) + 1)/2), upper => sorted(size(sorted)/2 + 1))
@@ -38,8 +40,9 @@ contains
          ! must not give them different ranks.
          where (split >= lower .and. split <= upper) folded = (upper - lower)/2
       end associate
-      reduction = max(reduction_of(scores), reduction_of(normal_scores(folded, &
-         ascending(folded))))
+      reduction = reduction_of(scores)
+      call find_normal_scores(folded, ascending(folded), known, scores)
+      reduction = max(reduction, reduction_of(scores))
       if (size(split) < size(draws)) sorted = ascending(draws)
       tail = huge(tail)
       do k = 1, 2
@@ -112,16 +115,18 @@ contains
       end do
    end function split_chains
 
-   !> Returns the normal scores of the ranks among all draws; equal draws have their mean rank.
+   !> Computes the normal scores of the ranks among all draws; equal draws have their mean rank.
    !>
    !> sorted  (size of draws) the draws in ascending order
-   function normal_scores(draws, sorted) result(scores)
+   !> known   (size of draws) scores by rank that are known from another call for as many draws, all
+   !>         below 0; 0: not known yet
+   !> scores  (shape of draws)
+   subroutine find_normal_scores(draws, sorted, known, scores)
       real(wp), intent(in) :: draws(:, :), sorted(:)
-      real(wp) :: scores(size(draws, 1), size(draws, 2))
-      real(wp) :: known(size(draws))
+      real(wp), intent(inout) :: known(:)
+      real(wp), intent(out) :: scores(:, :)
       integer :: below, i, j, k, up_to
 
-      known = 0
       do j = 1, size(draws, 2)
          do i = 1, size(draws, 1)
             below = count_below(draws(i, j), .false.)
@@ -160,7 +165,7 @@ contains
          count_below = first
       end function count_below
 
-   end function normal_scores
+   end subroutine find_normal_scores
 
    !> Computes the mean variance within a chain, and the variance of the chains' means.
    pure subroutine variances(draws, within, between)

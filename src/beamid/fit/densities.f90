@@ -13,6 +13,9 @@ module beamid_densities
 
    !> A probability density of n parameters.
    type, abstract :: density_t
+      !> if above 0, the density to the power -1/power is close to a polynomial near the mode, as a
+      !> sum of squares is; if 0, the logarithm of the density is
+      real(wp) :: power = 0
    contains
       procedure(evaluate), deferred :: evaluate
    end type density_t

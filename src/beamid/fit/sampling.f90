@@ -8,8 +8,8 @@
 !> weight w (1 + (c - 1)/share), and the remaining draws there keep w. The mean of this random
 !> weight is c w, so that the draws are still those of p (Fearnhead, Papaspiliopoulos and Roberts,
 !> J. R. Statist. Soc. B 70, 2008, 755). The variance of these weights counts in the effective
-!> sample size. If such a weight is not positive, the latest draws are repeated, and p is computed
-!> at these and at all later ones of the round.
+!> sample size. If such a weight is not positive, the latest draws are repeated with shares four
+!> times as large, until all weights are positive or p is computed at all draws.
 module beamid_sampling
    use beamid_chains, only: diagnose_chains
    use beamid_densities, only: density_t, impossible
@@ -139,7 +139,10 @@ contains
       type(draws_t), intent(inout) :: draws
       logical, intent(out) :: is_reliable
       class(monitor_t), intent(inout), optional :: monitor
-      integer, parameter :: pilot = 2000, rounds = 5, max_ratio = 50
+      !> Numbers of draws to which the polynomial is fitted, and by which the weights are judged for
+      !> the first time.
+      integer, parameter :: fitted = 800, judged = 2000
+      integer, parameter :: rounds = 5, max_ratio = 50
       real(wp), allocatable :: y(:, :), value(:), log_weight(:), weight(:)
       real(wp) :: efficiency
       integer :: n, round, wanted
@@ -150,11 +153,16 @@ contains
       draws%evaluations = 0
       do round = 1, rounds
          allocate (y(n, 0), value(0), log_weight(0))
-         wanted = pilot
+         wanted = fitted
          do
             call draw_more(density, proposal, surrogate, plan%seed + 104729*round, wanted, y, &
                value, log_weight, draws%evaluations, monitor)
             if (interrupted() .or. .not. any(log_weight > impossible)) return
+            if (wanted == fitted) then
+               call fit_surrogate(proposal, y, value, density%power, surrogate)
+               wanted = judged
+               cycle
+            end if
             if (allocated(weight)) deallocate (weight)
             allocate (weight(wanted))
             call smooth_weights(log_weight, weight, draws%k)
@@ -163,7 +171,6 @@ contains
             is_reliable = draws%k <= largest_k .and. efficiency >= min_efficiency
             if (.not. is_reliable .or. draws%effective >= plan%draws .or. &
                wanted >= max_ratio*plan%draws) exit
-            if (wanted == pilot) call fit_surrogate(proposal, y, value, surrogate)
             wanted = min(max_ratio*plan%draws, max(wanted + 1000, &
                block*ceiling(1.1_wp*plan%draws/efficiency/block)))
          end do
@@ -176,9 +183,11 @@ contains
    end subroutine draw_weighted
 
    !> Fits a polynomial to the density at the draws that are within the bounds.
-   subroutine fit_surrogate(proposal, y, value, surrogate)
+   !>
+   !> power  as in `density_t`
+   subroutine fit_surrogate(proposal, y, value, power, surrogate)
       type(proposal_t), intent(in) :: proposal
-      real(wp), intent(in) :: y(:, :), value(:)
+      real(wp), intent(in) :: y(:, :), value(:), power
       type(surrogate_t), intent(inout) :: surrogate
       real(wp) :: x(size(y, 1), size(y, 2))
       integer, allocatable :: inside(:)
@@ -187,7 +196,7 @@ contains
       x = points(proposal, y)
       inside = pack([(i, i=1, size(value))], [(all(proposal%coordinate%allows( &
          proposal%coordinate%value(x(:, i)))), i=1, size(value))])
-      call new_surrogate(y(:, inside), value(inside), proposal%width, surrogate)
+      call new_surrogate(y(:, inside), value(inside), proposal%width, power, surrogate)
    end subroutine fit_surrogate
 
    !> Returns the coordinates x, (n, draws), of draws y (n, draws) in units of the proposal's axes.
@@ -204,8 +213,8 @@ contains
 
    !> Extends the list of draws. Each draw depends on its number only, not on the threads.
    !>
-   !> surrogate    on return covers nothing if its error is too large for a positive weight; the
-   !>              density is then computed at all draws
+   !> surrogate    on return compared with the density more often if its error was too large for a
+   !>              positive weight
    !> wanted       length of the list on return
    !> y            (n, wanted) coordinates in units of the axes, from the mode
    !> value        (wanted) log density of the parameters
@@ -246,7 +255,7 @@ contains
       !$omp end parallel do
       evaluations = evaluations + counted
       if (.not. is_negative) return
-      surrogate = surrogate_t()
+      call surrogate%distrust()
       y = y(:, :present_draws)
       value = value(:present_draws)
       log_weight = log_weight(:present_draws)
@@ -297,6 +306,7 @@ contains
             share = surrogate%share(y(:, i))
             factor = 1
             if (share < 1) guess = surrogate%at(y(:, i))
+            if (share < 1 .and. .not. guess > impossible) share = 1
             q = proposal%coordinate%value(x)
             if (.not. all(proposal%coordinate%allows(q))) then
                value(i) = impossible

@@ -31,6 +31,7 @@ module beamid_posteriors
       integer, allocatable :: order(:)             !< (records) autoregressive order; 0: white noise
    contains
       procedure :: evaluate
+      procedure, private :: degrees
    end type posterior_t
 
 contains
@@ -61,6 +62,7 @@ contains
       posterior%last = [posterior%first(2:) - 1, problem%samples()]
       posterior%estimated = problem%is_estimated()
       posterior%linear = real(problem%linear_unknowns(), wp)/records
+      if (all(posterior%estimated)) posterior%power = sum([(posterior%degrees(i), i=1, records)])/2
       posterior%order = spread(0, 1, records)
       if (.not. coloured) return
       allocate (posterior%problem%colour(records))
@@ -74,6 +76,14 @@ contains
       end do
       if (all(posterior%order == 0)) deallocate (posterior%problem%colour)
    end subroutine new_posterior
+
+   !> Returns the number of samples of a record minus that of its linear unknowns.
+   pure real(wp) function degrees(self, record)
+      class(posterior_t), intent(in) :: self
+      integer, intent(in) :: record
+
+      degrees = self%last(record) - self%first(record) + 1 - self%linear
+   end function degrees
 
    !> Computes the logarithm of the posterior density, up to a constant, and its derivatives.
    !>
@@ -138,7 +148,7 @@ contains
          real(wp) :: J, power
 
          J = max(sum(r**2), tiny(J))
-         power = size(r) - self%linear
+         power = self%degrees(i)
          value = value - power/2*log(J)
          gradient = gradient - power/J*matmul(r, jac)
          curvature = curvature + power/J*matmul(transpose(jac), jac)
@@ -164,8 +174,7 @@ contains
       value = -self%problem%log_volume
       do i = 1, size(self%first)
          if (self%estimated(i)) then
-            value = value - (self%last(i) - self%first(i) + 1 - self%linear)/2 &
-               *log(max(J(i), tiny(J)))
+            value = value - self%degrees(i)/2*log(max(J(i), tiny(J)))
          else
             value = value - J(i)/2
          end if
