@@ -33,7 +33,7 @@ end module mistaken_fits
 !> matrices of known condition, and searches that see condensed rows against those that see all.
 program test_condensation
    use beamid_autoregression, only: new_autoregression
-   use beamid_condensation, only: condense_matrix, condensed_t, few_rows
+   use beamid_condensation, only: condense_matrix, condensed_t, few_rows, rows_of_part
    use beamid_decay_rows, only: decay_rows_t, new_decay_rows
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
@@ -53,6 +53,7 @@ program test_condensation
    use checks, only: check, check_close, finish
    use free_decays, only: long_record, made, make_channels, names, noisy, problem_of, stamps, truth
    use mistaken_fits, only: mistaken_t
+   use omp_lib, only: omp_get_max_threads, omp_set_num_threads
    implicit none
 
    integer, parameter :: quad = selected_real_kind(30)
@@ -62,6 +63,7 @@ program test_condensation
 
    call test_exponentials()
    call test_decompositions()
+   call test_parts()
    call test_ill_conditioned()
    call test_one_record()
    call test_not_converged()
@@ -143,6 +145,43 @@ contains
             merge(1e-4_wp, 1e-7_wp, i <= size(close)))
       end do
    end subroutine test_decompositions
+
+   !> Rows that are divided into three parts: the same bits for any number of threads, and R'R =
+   !> A'A.
+   subroutine test_parts()
+      integer, parameter :: k = 36
+      real(wp), allocatable, target :: a(:, :), y(:)
+      real(wp) :: gap(k + 1, k + 1), whole(k + 1, k + 1)
+      type(condensed_t) :: found, by_one
+      integer :: i, m, threads, usual
+
+      m = 2*rows_of_part(k + 2) + 7
+      a = reshape(gaussian_noise(m*k, 1.0_wp, 9), [m, k])
+      y = gaussian_noise(m, 1.0_wp, 10)
+      usual = omp_get_max_threads()
+      do i = 1, 2
+         ! Then a correction in a second pass is needed: the remainder is small.
+         if (i == 2) y = sum(a, dim=2) + 1e-6_wp*y
+         do threads = 1, 4
+            call omp_set_num_threads(threads)
+            call condense_matrix(a, y, found)
+            if (threads == 1) by_one = found
+            call check('parts '//to_text(i)//', threads '//to_text(threads), &
+               all(abs(found%factor - by_one%factor) <= 0) .and. &
+               all(abs(found%y - by_one%y) <= 0) .and. abs(found%left - by_one%left) <= 0)
+         end do
+         whole = 0
+         whole(:k, :k) = found%factor
+         whole(:k, k + 1) = found%y
+         whole(k + 1, k + 1) = found%left
+         gap = (matmul(transpose(whole), whole) - products(a, y))/scales(a, y)
+         ! As in `test_decompositions`.
+         call check_close('parts '//to_text(i)//': products', maxval(abs(gap)), 0.0_wp, 1e-13_wp)
+         call check_close('parts '//to_text(i)//': remainder', found%left/real(remainder(a, y), &
+            wp), 1.0_wp, 1e-7_wp)
+      end do
+      call omp_set_num_threads(usual)
+   end subroutine test_parts
 
    !> [a y]'[a y].
    function products(a, y) result(p)

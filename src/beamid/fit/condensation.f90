@@ -8,14 +8,18 @@
 !> y - A c as well. If the condition of A is poor, R is improved by a decomposition of A R**-1
 !> (CholeskyQR2: Yamamoto et al., Electron. Trans. Numer. Anal. 44, 2015, 306). If that fails,
 !> Householder reflections decompose the blocks one after the other.
+!>
+!> Long records are divided into parts, which threads share. The sums of the parts are added in
+!> their order, so that the result does not depend on the number of threads.
 module beamid_condensation
+   use beamid_interrupts, only: stop_flag
    use beamid_kernels, only: add_products, block_rows, combine_columns, subtract_columns
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dgeqrf
+   use beamid_triangles, only: divide, divide_transposed, factorize, triangle_of
    implicit none
    private
 
-   public :: condensed_t, condense, condense_matrix, factor_of, triangle_of
+   public :: condensed_t, condense, condense_matrix, factor_of, rows_of_part
 
    !> Rows of a matrix A and of a vector y, which are computed block by block.
    type, abstract, public :: rows_t
@@ -73,7 +77,7 @@ contains
       class(rows_t), intent(in) :: rows
       type(condensed_t), intent(out) :: condensed
       logical, intent(in), optional :: only_factor
-      real(wp), allocatable :: x(:, :), products(:, :), first(:, :), factor(:, :), c(:)
+      real(wp), allocatable :: products(:, :), first(:, :), factor(:, :), c(:)
       real(wp) :: condition
       logical :: is_improved, keeps_digits
       integer :: columns, k
@@ -81,12 +85,11 @@ contains
       k = rows%columns
       ! The kernel takes an even number of columns.
       columns = 2*((k + 2)/2)
-      allocate (x(block_rows, columns), source=0.0_wp)
       allocate (products(columns, columns), first(k, k), factor(k, k))
       is_improved = .false.
       allocate (c(k), source=0.0_wp)
       if (rows%rows >= stride**2*block_rows .and. .not. present(only_factor)) then
-         call multiply(rows, x, products, every=stride)
+         call multiply(rows, products, every=stride)
          call factorize(products, k, first, condition)
          if (condition <= good) then
             c = products(:k, k + 1)
@@ -94,15 +97,15 @@ contains
             call divide(first, c)
          end if
       end if
-      call multiply(rows, x, products, c=c)
+      call multiply(rows, products, c=c)
       call factorize(products, k, first, condition)
       if (condition > poor .and. condition <= very_poor) then
          is_improved = .true.
-         call multiply(rows, x, products, first)
+         call multiply(rows, products, first)
          call factorize(products, k, factor, condition)
       end if
       if (.not. condition <= very_poor) then
-         call reflect(rows, x, condensed)
+         call reflect(rows, condensed)
          return
       end if
       condensed%factor = first
@@ -113,7 +116,7 @@ contains
       condensed%y = products(:k, k + 1)
       if (is_improved) then
          call divide_transposed(factor, condensed%y)
-         call project(rows, x, factor, condensed, first)
+         call project(rows, factor, condensed, first)
          return
       end if
       call divide_transposed(first, condensed%y)
@@ -122,33 +125,69 @@ contains
          keeps_digits = condition <= good .and. along < total/2
       end associate
       condensed%y = condensed%y + matmul(first, c)
-      if (.not. keeps_digits) call project(rows, x, first, condensed)
+      if (.not. keeps_digits) call project(rows, first, condensed)
    end subroutine condense
+
+   !> Returns the number of rows of a part of a long record, a multiple of `block_rows`: a thread
+   !> computes their products in about a millisecond, much longer than it takes to start it.
+   !>
+   !> columns  of the rows
+   pure integer function rows_of_part(columns)
+      integer, intent(in) :: columns
+      integer, parameter :: products = 25600   ! of a row, times the number of blocks
+
+      rows_of_part = block_rows*max(1, products/columns**2)
+   end function rows_of_part
 
    !> Computes the products of all columns.
    !>
-   !> x         (block_rows, columns) space for a block; column k + 2, if there is one, is 0
    !> products  (columns, columns) the upper triangle of [A y]'[A y]
    !> divisor   (k, k) if present, A is replaced by A divisor**-1
    !> c         (k) if present, y is replaced by y - A c
    !> every     if present, only the first of so many blocks are taken
-   subroutine multiply(rows, x, products, divisor, c, every)
+   subroutine multiply(rows, products, divisor, c, every)
       class(rows_t), intent(in) :: rows
-      real(wp), intent(inout), contiguous :: x(:, :)
       real(wp), intent(out), contiguous :: products(:, :)
       real(wp), intent(in), optional :: divisor(:, :), c(:)
       integer, intent(in), optional :: every
-      integer :: first, k, step
+      real(wp), allocatable :: of_part(:, :, :)
+      integer :: part, parts, rows_each, step
 
-      k = rows%columns
       step = block_rows
       if (present(every)) step = every*block_rows
-      products = 0
-      do first = 1, rows%rows, step
-         call next_block(rows, first, x, divisor)
-         if (present(c)) call combine_columns(x, k, -c, 1, x(:, k + 1))
-         call add_products(x, size(products, 2), products)
+      rows_each = rows_of_part(size(products, 2))*(step/block_rows)
+      parts = (rows%rows + rows_each - 1)/rows_each
+      allocate (of_part(size(products, 1), size(products, 2), parts), source=0.0_wp)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(parts > 1)
+      do part = 1, parts
+         call multiply_part((part - 1)*rows_each + 1, min(part*rows_each, rows%rows), &
+            of_part(:, :, part))
       end do
+      !$omp end parallel do
+      products = 0
+      do part = 1, parts
+         products = products + of_part(:, :, part)
+      end do
+
+   contains
+
+      !> Adds the products of the rows `begin` to `end`.
+      subroutine multiply_part(begin, end, sums)
+         integer, intent(in) :: begin, end
+         real(wp), intent(inout), contiguous :: sums(:, :)
+         ! Column k + 2, if there is one, is 0.
+         real(wp), allocatable :: x(:, :)
+         integer :: first, k
+
+         k = rows%columns
+         allocate (x(block_rows, size(sums, 2)), source=0.0_wp)
+         do first = begin, end, step
+            call next_block(rows, first, x, divisor)
+            if (present(c)) call combine_columns(x, k, -c, 1, x(:, k + 1))
+            call add_products(x, size(sums, 2), sums)
+         end do
+      end subroutine multiply_part
+
    end subroutine multiply
 
    !> Computes a block of rows; rows beyond the last one are 0.
@@ -172,114 +211,63 @@ contains
       end do
    end subroutine next_block
 
-   !> Computes Cholesky's factor of A'A. Columns of zeros give rows and columns of zeros.
-   !>
-   !> products   (k or more, k or more) upper triangle of A'A
-   !> factor     (k, k) upper triangle; 0 below
-   !> condition  estimate of the condition of A, its columns scaled to length one; huge: the
-   !>            factorization has failed
-   pure subroutine factorize(products, k, factor, condition)
-      real(wp), intent(in) :: products(:, :)
-      integer, intent(in) :: k
-      real(wp), intent(out) :: factor(:, :), condition
-      real(wp) :: length(k), inverse(k, k), pivot
-      integer :: i, j
-
-      condition = huge(condition)
-      length = [(sqrt(products(j, j)), j=1, k)]
-      if (.not. all(length <= sqrt(huge(condition)))) return
-      factor = 0
-      do j = 1, k
-         if (.not. length(j) > 0) cycle
-         do i = 1, j - 1
-            if (.not. length(i) > 0) cycle
-            factor(i, j) = (products(i, j)/(length(i)*length(j)) &
-               - dot_product(factor(:i - 1, i), factor(:i - 1, j)))/factor(i, i)
-         end do
-         pivot = 1 - sum(factor(:j - 1, j)**2)
-         if (.not. pivot > 0) return
-         factor(j, j) = sqrt(pivot)
-      end do
-      inverse = 0
-      do j = 1, k
-         if (.not. length(j) > 0) cycle
-         inverse(j, j) = 1
-         call divide(factor, inverse(:, j))
-      end do
-      condition = norm2(inverse)*sqrt(real(k, wp))
-      do j = 1, k
-         factor(:, j) = factor(:, j)*length(j)
-      end do
-   end subroutine factorize
-
    !> Corrects Q'y, and computes what is left of y.
    !>
    !> factor     (k, k) R of A or, with `divisor`, of A divisor**-1
    !> condensed  in and out: Q'y; out: what is left
    !> divisor    as in `multiply`
-   subroutine project(rows, x, factor, condensed, divisor)
+   subroutine project(rows, factor, condensed, divisor)
       class(rows_t), intent(in) :: rows
-      real(wp), intent(inout), contiguous :: x(:, :)
       real(wp), intent(in) :: factor(:, :)
       type(condensed_t), intent(inout) :: condensed
       real(wp), intent(in), optional :: divisor(:, :)
-      real(wp) :: c(size(factor, 1)), still(size(c)), total
-      integer :: first, k
+      real(wp) :: c(size(factor, 1)), still(size(c))
+      real(wp), allocatable :: of_part(:, :), total(:)
+      integer :: part, parts, rows_each
 
-      k = size(c)
       c = condensed%y
       call divide(factor, c)
-      still = 0
-      total = 0
-      do first = 1, rows%rows, block_rows
-         call next_block(rows, first, x, divisor)
-         call subtract_columns(x, k, c, x(:, k + 1), still, total)
+      rows_each = rows_of_part(size(c) + 1)
+      parts = (rows%rows + rows_each - 1)/rows_each
+      allocate (of_part(size(c), parts), total(parts), source=0.0_wp)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(parts > 1)
+      do part = 1, parts
+         call project_part((part - 1)*rows_each + 1, min(part*rows_each, rows%rows), &
+            of_part(:, part), total(part))
       end do
+      !$omp end parallel do
+      still = sum(of_part, dim=2)
       call divide_transposed(factor, still)
       condensed%y = condensed%y + still
-      condensed%left = sqrt(max(0.0_wp, total - sum(still**2)))
+      condensed%left = sqrt(max(0.0_wp, sum(total) - sum(still**2)))
+
+   contains
+
+      !> Adds the products with what is left of the rows `begin` to `end`, and its sum of squares.
+      subroutine project_part(begin, end, products, squares)
+         integer, intent(in) :: begin, end
+         real(wp), intent(inout), contiguous :: products(:)
+         real(wp), intent(inout) :: squares
+         real(wp), allocatable :: x(:, :)
+         integer :: first, k
+
+         k = size(products)
+         allocate (x(block_rows, k + 1))
+         do first = begin, end, block_rows
+            call next_block(rows, first, x, divisor)
+            call subtract_columns(x, k, c, x(:, k + 1), products, squares)
+         end do
+      end subroutine project_part
+
    end subroutine project
-
-   !> Solves R x = b; components of x whose diagonal element is 0 are 0.
-   pure subroutine divide(r, x)
-      real(wp), intent(in) :: r(:, :)
-      real(wp), intent(inout) :: x(:)
-      integer :: j
-
-      do j = size(x), 1, -1
-         if (abs(r(j, j)) > 0) then
-            x(j) = x(j)/r(j, j)
-         else
-            x(j) = 0
-         end if
-         x(:j - 1) = x(:j - 1) - x(j)*r(:j - 1, j)
-      end do
-   end subroutine divide
-
-   !> Solves R'x = b; components of x whose diagonal element is 0 are 0.
-   pure subroutine divide_transposed(r, x)
-      real(wp), intent(in) :: r(:, :)
-      real(wp), intent(inout) :: x(:)
-      integer :: j
-
-      do j = 1, size(x)
-         x(j) = x(j) - dot_product(r(:j - 1, j), x(:j - 1))
-         if (abs(r(j, j)) > 0) then
-            x(j) = x(j)/r(j, j)
-         else
-            x(j) = 0
-         end if
-      end do
-   end subroutine divide_transposed
 
    !> Condenses by Householder reflections: each block is reflected together with the triangle that
    !> the blocks before have left.
-   subroutine reflect(rows, x, condensed)
+   subroutine reflect(rows, condensed)
       class(rows_t), intent(in) :: rows
-      real(wp), intent(inout), contiguous :: x(:, :)
       type(condensed_t), intent(out) :: condensed
-      real(wp) :: stack(rows%columns + 1 + block_rows, rows%columns + 1), &
-         triangle(rows%columns + 1, rows%columns + 1)
+      real(wp) :: x(block_rows, rows%columns + 1), stack(rows%columns + 1 + block_rows, &
+         rows%columns + 1), triangle(rows%columns + 1, rows%columns + 1)
       integer :: first, n
 
       n = rows%columns + 1
@@ -287,7 +275,7 @@ contains
       do first = 1, rows%rows, block_rows
          call next_block(rows, first, x)
          stack(:n, :) = triangle
-         stack(n + 1:, :) = x(:, :n)
+         stack(n + 1:, :) = x
          call triangle_of(stack, triangle)
       end do
       condensed%factor = triangle(:n - 1, :n - 1)
@@ -336,22 +324,5 @@ contains
       x(:n, self%columns + 1) = 0
       if (associated(self%y)) x(:n, self%columns + 1) = self%y(first:first + n - 1)
    end subroutine copy_rows
-
-   !> Reflects a matrix into an upper triangle.
-   !>
-   !> a         (m, n) m >= n; destroyed
-   !> triangle  (n, n) 0 below the diagonal
-   subroutine triangle_of(a, triangle)
-      real(wp), intent(inout), contiguous :: a(:, :)
-      real(wp), intent(out) :: triangle(:, :)
-      real(wp) :: tau(size(a, 2)), work(32*size(a, 2))
-      integer :: info, j
-
-      call dgeqrf(size(a, 1), size(a, 2), a, size(a, 1), tau, work, size(work), info)
-      triangle = 0
-      do j = 1, size(a, 2)
-         triangle(:j, j) = a(:j, j)
-      end do
-   end subroutine triangle_of
 
 end module beamid_condensation

@@ -267,7 +267,7 @@ contains
       ! The finest mesh takes longest and therefore starts first.
       allocate (outcomes(size(meshes)))
       finished = 0
-      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(size(meshes) > 1)
       do k = size(meshes), 1, -1
          call run_stages(model, meshes(k), stages, experiments, outcomes(k)%fits, &
             outcomes(k)%error, monitor, check)

@@ -4,7 +4,8 @@
 !> is counted from the middle of each motion, weighted by its energy, so that the columns e**(s t)
 !> and t e**(s t) are far from parallel.
 module beamid_decay_rows
-   use beamid_condensation, only: condense, condensed_t, rows_t
+   use beamid_condensation, only: condense, condensed_t, rows_of_part, rows_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kernels, only: block_rows, combine_columns, decay_t, new_decay
    use beamid_kinds, only: wp
    implicit none
@@ -123,9 +124,8 @@ contains
       class(decay_rows_t), intent(in) :: self
       real(wp), intent(in) :: weights(:, :)
       real(wp), intent(inout) :: r(:), jac(:, :)
-      real(wp) :: x(block_rows, self%columns + 1), y(block_rows, size(weights, 2)), &
-         of_columns(self%columns, size(weights, 2))
-      integer :: b, first, k, n
+      real(wp) :: of_columns(self%columns, size(weights, 2))
+      integer :: b, k, part, rows_each
 
       of_columns = weights
       do k = 1, size(self%motions)
@@ -134,17 +134,34 @@ contains
          of_columns(b + 2, :) = weights(b + 3, :) + self%middle(k)*weights(b + 4, :)
          of_columns(b + 3, :) = weights(b + 2, :)
       end do
-      do first = 1, self%rows, block_rows
-         call self%fill(first, x)
-         y = 0
-         y(:, 1) = x(:, self%columns + 1)
-         call combine_columns(x, self%columns, of_columns, size(weights, 2), y)
-         n = min(block_rows, self%rows - first + 1)
-         r(first:first + n - 1) = y(:n, 1)
-         do k = 1, size(jac, 2)
-            jac(first:first + n - 1, k) = y(:n, k + 1)
-         end do
+      rows_each = rows_of_part(self%columns)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(self%rows > rows_each)
+      do part = 1, self%rows, rows_each
+         call expand_part(part, min(part + rows_each - 1, self%rows))
       end do
+      !$omp end parallel do
+
+   contains
+
+      !> Computes the rows `begin` to `end`.
+      subroutine expand_part(begin, end)
+         integer, intent(in) :: begin, end
+         real(wp) :: x(block_rows, self%columns + 1), y(block_rows, size(weights, 2))
+         integer :: first, k, n
+
+         do first = begin, end, block_rows
+            call self%fill(first, x)
+            y = 0
+            y(:, 1) = x(:, self%columns + 1)
+            call combine_columns(x, self%columns, of_columns, size(weights, 2), y)
+            n = min(block_rows, self%rows - first + 1)
+            r(first:first + n - 1) = y(:n, 1)
+            do k = 1, size(jac, 2)
+               jac(first:first + n - 1, k) = y(:n, k + 1)
+            end do
+         end do
+      end subroutine expand_part
+
    end subroutine expand
 
 end module beamid_decay_rows

@@ -4,7 +4,7 @@
 !> The least-squares search calls this module. Each evaluation computes the model of every record
 !> and eliminates the linear unknowns (variable projection).
 module beamid_residuals
-   use beamid_condensation, only: few_rows, triangle_of
+   use beamid_condensation, only: few_rows
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t, prepare_experiment
    use beamid_galerkin, only: mesh_t
@@ -18,6 +18,7 @@ module beamid_residuals
    use beamid_responses, only: is_exact
    use beamid_simulation, only: model_t
    use beamid_structure, only: yielding
+   use beamid_triangles, only: triangle_of
    use beamid_unknowns, only: scenario_t
    use beamid_variables, only: variable_t
    implicit none
@@ -47,8 +48,7 @@ module beamid_residuals
       procedure :: beginning
       procedure :: copy_to
       procedure :: check_sample
-      procedure :: thin
-      procedure :: restore
+      procedure :: thin, restore
       procedure, private :: has_long_record
    end type residual_t
 

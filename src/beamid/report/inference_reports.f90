@@ -10,6 +10,7 @@ module beamid_inference_reports
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_inference, only: posterior_draws_t
+   use beamid_interrupts, only: interrupted, stop_flag
    use beamid_intervals, only: append_interval, end_words, interval_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
@@ -25,6 +26,11 @@ module beamid_inference_reports
    private
 
    public :: add_profiles, add_posterior, add_bootstrap, posterior_header
+
+   !> The modes of a draw; not allocated: they cannot be computed.
+   type :: modes_of_draw_t
+      type(fitted_mode_t), allocatable :: modes(:)
+   end type modes_of_draw_t
 
 contains
 
@@ -184,33 +190,56 @@ contains
       !> Adds the lowest modes for some of the draws; draws whose modes cannot be computed are left
       !> out.
       subroutine add_modes()
-         integer, parameter :: most = 5
-         type(stage_fit_t) :: moved
-         type(fitted_mode_t), allocatable :: found(:)
-         type(mode_finder_t) :: finder
-         type(error_t), allocatable :: error
-         integer :: i, j, p
+         !> Number of draws that start from the same modes, for any number of threads.
+         integer, parameter :: block = 25
+         type(modes_of_draw_t) :: found(size(posterior%shown))
+         integer :: first, i, j
 
          if (modes%is_empty()) call modes%line( &
             'draw,elements,record,mode,frequency_hz,damping_ratio')
+         !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+         do first = 1, size(found), block
+            if (interrupted()) cycle
+            call find_modes(first, min(first + block - 1, size(found)), found)
+         end do
+         !$omp end parallel do
+         do i = 1, size(found)
+            if (.not. allocated(found(i)%modes)) cycle
+            associate (of_draw => found(i)%modes)
+               do j = 1, size(of_draw)
+                  call modes%line(csv_row(to_text(posterior%shown(i))//','// &
+                     to_text(fit%elements)//','//to_text(of_draw(j)%record)//','// &
+                     to_text(count(of_draw(:j)%record == of_draw(j)%record)), &
+                     [of_draw(j)%frequency, of_draw(j)%damping_ratio]))
+               end do
+            end associate
+         end do
+      end subroutine add_modes
+
+      !> Finds the lowest modes for the shown draws `first` to `last`.
+      subroutine find_modes(first, last, found)
+         integer, intent(in) :: first, last
+         type(modes_of_draw_t), intent(inout) :: found(:)
+         integer, parameter :: most = 5
+         type(stage_fit_t), allocatable :: moved
+         type(mode_finder_t) :: finder
+         type(error_t), allocatable :: error
+         integer :: i, p
+
+         allocate (moved)
          call fit%copy_to(moved)
          moved%statistics = statistics_t()
          call new_mode_finder(mesh, fit, finder, error)
          if (allocated(error)) return
-         do i = 1, size(posterior%shown)
+         do i = first, last
             do p = 1, size(fit%free)
                call moved%scenario%set(fit%free(p), fit%quantities(p)%record, &
                   posterior%draws%q(p, posterior%shown(i)))
             end do
-            call finder%find(moved, most, found, error)
-            if (allocated(error)) cycle
-            do j = 1, size(found)
-               call modes%line(csv_row(to_text(posterior%shown(i))//','//to_text(fit%elements)// &
-                  ','//to_text(found(j)%record)//','//to_text(count(found(:j)%record == &
-                  found(j)%record)), [found(j)%frequency, found(j)%damping_ratio]))
-            end do
+            call finder%find(moved, most, found(i)%modes, error)
+            if (allocated(error) .and. allocated(found(i)%modes)) deallocate (found(i)%modes)
          end do
-      end subroutine add_modes
+      end subroutine find_modes
 
    end subroutine add_posterior
 

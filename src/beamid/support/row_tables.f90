@@ -1,9 +1,11 @@
 !> Tables whose rows are written as text piece by piece while the file is written, so that the text
-!> of a long table is never in memory as a whole.
+!> of a long table is never in memory as a whole. While a piece is written, other threads make the
+!> text of the next ones.
 module beamid_row_tables
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use, intrinsic :: iso_fortran_env, only: int32
    use beamid_fingerprints, only: crc32
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: ip
    use beamid_posix, only: c_close, c_creat, c_fsync, errno_of, last_errno, write_bytes
    use beamid_texts, only: text_t
@@ -21,7 +23,7 @@ module beamid_row_tables
    end type row_table_t
 
    abstract interface
-      !> Adds rows to a text, one line each.
+      !> Adds rows to a text, one line each; several threads call it at a time.
       !>
       !> first, last  numbers of the first and the last of these rows
       subroutine add_rows(self, first, last, text)
@@ -68,7 +70,6 @@ contains
       integer(ip), intent(out) :: bytes
       integer(int32), intent(out) :: checksum
       integer(c_int), intent(out) :: code
-      type(text_t) :: text
       integer(c_int) :: fd, closing
       integer :: first
 
@@ -80,17 +81,29 @@ contains
          return
       end if
       call put(header)
+      !$omp parallel do ordered schedule(static, 1) copyin(stop_flag) if(table%rows > piece_rows)
       do first = 1, table%rows, piece_rows
-         if (code /= 0) exit
-         call text%clear()
-         call table%add_rows(first, min(first + piece_rows - 1, table%rows), text)
-         call put(text%content())
+         call put_rows(first, min(first + piece_rows - 1, table%rows))
       end do
+      !$omp end parallel do
       if (code == 0) code = errno_of(c_fsync(fd))
       closing = errno_of(c_close(fd))
       if (code == 0) code = closing
 
    contains
+
+      !> Writes some rows behind those before them; called from an ordered loop.
+      subroutine put_rows(first, last)
+         integer, intent(in) :: first, last
+         type(text_t) :: text
+         character(len=:), allocatable :: piece
+
+         call table%add_rows(first, last, text)
+         call text%get(piece)
+         !$omp ordered
+         if (code == 0) call put(piece)
+         !$omp end ordered
+      end subroutine put_rows
 
       !> Writes a piece.
       subroutine put(piece)

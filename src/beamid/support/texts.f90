@@ -19,6 +19,7 @@ module beamid_texts
       procedure :: line
       procedure :: clear
       procedure :: content
+      procedure :: get
       procedure :: is_empty
    end type text_t
 
@@ -64,9 +65,18 @@ contains
       class(text_t), intent(in) :: self
       character(len=:), allocatable :: content
 
+      call self%get(content)
+   end function content
+
+   !> Copies the whole text, as `content` returns it, for procedures that run in threads: these must
+   !> not call functions whose result is text of deferred length.
+   pure subroutine get(self, content)
+      class(text_t), intent(in) :: self
+      character(len=:), allocatable, intent(out) :: content
+
       content = ''
       if (allocated(self%buffer)) content = self%buffer(:self%length)
-   end function content
+   end subroutine get
 
    !> Returns whether nothing has been appended.
    pure logical function is_empty(self)
