@@ -35,6 +35,7 @@ program test_misleading_cases
       call test_wrong_rate()
       call test_soft_clamp()
       call test_soft_clamp_of_three()
+      call test_clamp_in_doubt()
       call test_wrong_material()
       call test_misplaced_sensor()
       call test_weak_mode()
@@ -117,6 +118,25 @@ contains
          'k_R|is significant|add ''k_R'' to free'), answer%head)
       call check('soft clamp: its score test matters', answer%test_matters('k_R'))
    end subroutine test_soft_clamp
+
+   !> A rigid clamp that is estimated together with E and the sensor's mass, by a record that shows
+   !> mode 3 faintly: J has a long valley, in which the trial fits need many steps. A fit that fixes
+   !> E and the mass instead explains 84 %.
+   subroutine test_clamp_in_doubt()
+      type(answer_t) :: answer
+      real(wp), allocatable :: t(:)
+      integer :: k
+
+      t = [(0.002_wp*k, k=600, 4000)]
+      call write_record(t, ruler_offset + decay(ruler, t, [22.5_wp, 10.7_wp, 1.0_wp], &
+         [-0.7_wp, -1.8_wp, 1.9_wp]), 0.05_wp, 1)
+      answer = identified(replaced(replaced(ruler_case, 'E=2.0e11, c_D=4e6', &
+         'E=2.05e11, c_D=6e6'), '''gamma'',', '''gamma'',''k_R'','))
+      call check('clamp in doubt: a fit', answer%status == 0, answer%out)
+      call check('clamp in doubt: everything is estimated', answer%is_free('E') .and. &
+         answer%is_free('m_S') .and. answer%is_free('k_R'), answer%out)
+      call check('clamp in doubt: E', answer%holds('E', ruler%E), answer%out)
+   end subroutine test_clamp_in_doubt
 
    !> The same clamp at three free lengths. The rigid model can explain one record, but not all.
    subroutine test_soft_clamp_of_three()

@@ -25,6 +25,9 @@ module beamid_start_choices
 
    !> Number of assignments from which fits start.
    integer, parameter :: most_starts = 3
+   !> Largest number of evaluations of a trial fit, and of each if none has converged: if the record
+   !> hardly tells some parameters apart, J has a long valley.
+   integer, parameter :: usual_effort = 100, great_effort = 1000
 
    !> Relative difference of J up to which two fits have found the same minimum.
    real(wp), parameter :: same_sum = 1e-6_wp
@@ -88,20 +91,27 @@ contains
       type(trial_t) :: trial
       character(len=:), allocatable :: origin
       real(wp) :: values(size(choice%beliefs))
-      integer :: k
+      integer :: effort, k
 
       call best_assignments(problem, choice%beliefs, lines, choice%modes, most_starts, found, error)
       if (allocated(error)) return
-      do k = 1, size(found) + 1
-         values = choice%beliefs%centre
-         if (k <= size(found)) values = found(k)%value
-         call try_start(problem, choice%stage, values, choice%modes, options, trial, reason)
-         call describe_origin(lines, found, k, origin)
-         if (allocated(reason)) then
-            choice%failures = choice%failures//origin//': '//reason%message//new_line('')
-            cycle
-         end if
-         call add_trial(problem, choice, trial, origin, needed)
+      effort = usual_effort
+      do
+         do k = 1, size(found) + 1
+            values = choice%beliefs%centre
+            if (k <= size(found)) values = found(k)%value
+            call try_start(problem, choice%stage, values, choice%modes, options, effort, trial, &
+               reason)
+            call describe_origin(lines, found, k, origin)
+            if (allocated(reason)) then
+               choice%failures = choice%failures//origin//': '//reason%message//new_line('')
+               cycle
+            end if
+            call add_trial(problem, choice, trial, origin, needed)
+         end do
+         if (size(choice%trials) > 0 .or. effort == great_effort) exit
+         effort = great_effort
+         choice%failures = ''
       end do
       if (size(choice%trials) == 0) call move_alloc(reason, error)
       call pick(choice)
@@ -125,7 +135,8 @@ contains
       call find_equal_frequencies(problem, choice%stage, choice%beliefs, &
          choice%trials(choice%best), needed, values)
       do k = 1, size(values, 2)
-         call try_start(problem, choice%stage, values(:, k), choice%modes, options, trial, error)
+         call try_start(problem, choice%stage, values(:, k), choice%modes, options, &
+            usual_effort, trial, error)
          if (allocated(error)) cycle
          call add_trial(problem, choice, trial, 'start with the same frequencies', needed)
       end do

@@ -39,13 +39,16 @@ contains
    !> problem  the fit with its free parameters; its scenario is not changed
    !> values   (free) start values of the searched variables
    !> modes    number of roots to compute
+   !> options  settings of the search
+   !> most     largest number of evaluations of the search
    !> error    the fit does not converge, or the roots cannot be computed
-   subroutine try_start(problem, stage, values, modes, options, trial, error)
+   subroutine try_start(problem, stage, values, modes, options, most, trial, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(in) :: stage
       real(wp), intent(in) :: values(:)
       integer, intent(in) :: modes
       type(options_t), intent(in) :: options
+      integer, intent(in) :: most
       type(trial_t), intent(out) :: trial
       type(error_t), allocatable, intent(out) :: error
       type(variable_t), allocatable :: variables(:)
@@ -61,7 +64,7 @@ contains
       quick = options
       quick%check = .false.
       quick%all_rows = .false.
-      quick%max_evaluations = 100
+      quick%max_evaluations = most
       call fit(problem, problem%rows(), variables, quick, trial%fit, error, &
          names=quantities%searched_name())
       if (allocated(error)) return
