@@ -569,11 +569,11 @@ def case_section(outputs):
     return h.paragraph("The outputs hold no case file. `--case FILE` adds it to the page.")
 
 
-def document(outputs):
-    """Returns the whole page of an output folder."""
+def document(outputs, units=None):
+    """Returns the whole page of an output folder; `units` as `preferred` of `fit_page.Fit`."""
     boxes, sections = [], []
     if outputs.has("estimates.csv") and outputs.has("quality.csv"):
-        fit = fit_page.Fit(outputs)
+        fit = fit_page.Fit(outputs, units)
         boxes.append(fit.verdict())
         sections += fit.sections()
     elif outputs.has("intervals.csv"):

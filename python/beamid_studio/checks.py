@@ -29,8 +29,21 @@ CONCERNS: tuple[tuple[str, Field], ...] = (
     ("in the window", ("record", "t_first")), ("clip", ("record", "value")),
     ("no parameter counts as determined", ("stage", "free")))
 ADVICE = re.compile(r"add '(\w+)' to free")
+#: Advice in the words of the command line, perhaps in several lines, and in those of the page.
+WORDS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(old.replace(" ", r"\s+")), new) for old, new in (
+        (("if the length or a position has a &prior, add it to free, keep the prior, and run "
+          "`beamid profile`"),
+         "if the length or a position has a standard deviation, tick it as well, and use Profile"),
+        ("add (it|them) to free and keep (its|their) &prior",
+         r"tick \1 and keep \2 standard deviation"),
+        (r"add '(\w+)' to free", r"estimate \1"),
+        ("state a &prior", "state a standard deviation"),
+        (r"Begin at this time \(t_first=([-+.\deE]+)\)", r"Begin at \1"),
+        (r"these times \(t_first\)", "these times"),
+        ("columns, t_first and t_last, or use start='case'", "columns and its window")))
 NAMED = re.compile(r"&(\w+) (\w+):")
-BEGIN = re.compile(r"Begin at this time \(t_first=([-+.\deE]+)\)")
+BEGIN = re.compile(r"Begin at (-?[\d.]+(?:[eE][-+]?\d+)?), and fit again")
 #: Group of each parameter that a sentence of the verdict may begin with.
 GROUPS = {"E": "beam", "c_D": "beam", "gamma": "beam", "length": "beam", "height": "beam",
           "width": "beam", "density": "beam", "k_R": "beam", "m_S": "sensor", "x_S": "sensor",
@@ -62,7 +75,8 @@ class Found:
     damping: np.ndarray = field(default_factory=lambda: np.empty(0))
     x: np.ndarray | None = None
     shapes: np.ndarray | None = None    #: (modes, points), complex if damped
-    mass_effect: float = 0.0    #: relative change of E by an error in the mass of the sensor
+    #: relative change of E by the error of a parameter that `SENSOR_ERRORS` states
+    effects: dict[str, float] = field(default_factory=dict)
     remarks: list[Remark] = field(default_factory=list)
 
     @property
@@ -92,9 +106,16 @@ def remark_of(text: str, kind: str = "warning") -> Remark:
         place = (GROUPS[first[1]], first[1].lower())
     else:
         place = next((where for words, where in CONCERNS if words in text), place)
-    text = ADVICE.sub(r"estimate \1", text)
+    text = in_words_of_page(text)
     return Remark(text[:1].upper() + text[1:] if re.match(r"[a-z]+[ :,]", text) else text, place,
                   kind, advice[1] if advice else "")
+
+
+def in_words_of_page(text: str) -> str:
+    """Return a text of the program with the words of the page in its advice."""
+    for old, new in WORDS:
+        text = old.sub(new, text)
+    return text
 
 
 def modes_of(case: Case, folder: Path, found: Found) -> None:
@@ -118,25 +139,31 @@ def modes_of(case: Case, folder: Path, found: Found) -> None:
         found.x, found.shapes = modes.x, modes.shapes
 
 
-#: Error of a sensor's mass, relative to it, whose effect tells whether the mass must be known well,
-#: and the effect on E from which it counts: half of that of 1 mm in a length of 200 mm.
-MASS_ERROR, LEAST_EFFECT = 0.1, 0.005
+#: What the page calls a parameter of the sensor, and an error relative to it, whose effect tells
+#: whether it must be known well.
+SENSOR_ERRORS = {"m_S": ("mass", 0.1), "x_S": ("place", 0.005)}
+#: The effect on E from which such an error counts: half of that of 1 mm in a length of 200 mm.
+LEAST_EFFECT = 0.005
 
 
-def mass_effect(case: Case, folder: Path, found: Found) -> None:
-    """Add by how much an error of the sensor's mass moves E, which keeps the first frequency.
+def effects_of_sensor(case: Case, folder: Path, found: Found) -> None:
+    """Add by how much errors of mass and place of the sensor move E, which keeps frequency 1.
 
-    Nothing is added if the mass is estimated, or has a standard deviation.
+    Nothing is added for a parameter that is estimated, or has a standard deviation.
     """
-    mass = number_text(case.get("sensor", "m_s") or "0")
-    if (case.prior("m_S") or "m_s" in {name.lower() for name in case.free} or not mass
-            or len(case.all("sensor")) != 1 or float(mass) <= 0 or not found.frequencies.size):
+    if len(case.all("sensor")) != 1 or not found.frequencies.size:
         return
-    heavier, after = case.copy(), Found()
-    heavier.set("sensor", "m_s", repr((1 + MASS_ERROR) * float(mass)))
-    modes_of(heavier, folder, after)
-    if after.frequencies.size:
-        found.mass_effect = float((found.frequencies[0] / after.frequencies[0])**2 - 1)
+    free = {name.lower() for name in case.free}
+    for name, (_, error) in SENSOR_ERRORS.items():
+        value = float(number_text(case.get("sensor", name.lower()) or "0") or 0)
+        if value <= 0 or case.prior(name) or name.lower() in free:
+            continue
+        # Towards the clamp, because the sensor may stand at the tip.
+        changed, after = case.copy(), Found()
+        changed.set("sensor", name.lower(), repr((1 - error) * value))
+        modes_of(changed, folder, after)
+        if after.frequencies.size:
+            found.effects[name] = abs(float((found.frequencies[0] / after.frequencies[0])**2 - 1))
 
 
 #: A structure in place of one that is not complete: only the samples are of interest then. Its

@@ -138,12 +138,13 @@ class FitStep:
         self.results.show_all()
 
     def draw(self) -> None:
-        """Redraw what follows the input: a hint at the sensor's mass, and the mark of a result."""
-        effect, hint = self.session.found.mass_effect, ""
-        if effect > checks.LEAST_EFFECT and "E" in self.session.case.free:
-            hint = ("Without a standard deviation, the mass counts as exactly known. An error of "
-                    f"{checks.MASS_ERROR:.0%} would move E by {effect:.1%}.").replace("%", " %")
-        self.studio.tells["stage", "m_s"].suggest(hint)
+        """Redraw what follows the input: hints at the sensor, and the mark of a result."""
+        for name, (meaning, error) in checks.SENSOR_ERRORS.items():
+            effect, hint = self.session.found.effects.get(name, 0), ""
+            if effect > checks.LEAST_EFFECT and "E" in self.session.case.free:
+                hint = (f"Without a standard deviation, the {meaning} counts as exactly known. An "
+                        f"error of {100 * error:g} % would move E by {100 * effect:.1f} %.")
+            self.studio.tells["stage", name.lower()].suggest(hint)
         self.studio.tells["stage", "all"].suggest(self.lacking())
         self.results.redraw()
 

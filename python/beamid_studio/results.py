@@ -43,6 +43,15 @@ FURTHER = {
 ADDED = {command: "Track" if command == "track" else "Beyond linear theory" for command in FURTHER}
 
 
+class PageOutputs(Outputs):
+    """The files of a fit, whose summary gives advice in the words of the page."""
+
+    def summary(self, *commands: str) -> h.Summary | None:
+        """Return what the program printed, with other advice."""
+        found = super().summary(*commands)
+        return found and h.Summary(checks.in_words_of_page(found.text))
+
+
 def chosen_units(studio: Any, result: Result) -> dict[str, tuple[str, int]]:
     """Return the units that the user has chosen for parameters of a fit, with their powers of ten.
 
@@ -64,14 +73,14 @@ def sections_of(result: Result, units: dict[str, tuple[str, int]]) -> list[tuple
 
     units  of parameters that are not shown in the unit of the case
     """
-    outputs = Outputs(result.folder)
+    outputs = PageOutputs(result.folder)
     fit = fit_page.Fit(outputs, units)
     parts = [("", fit.verdict() + fit.estimates())]
     parts += [(heading, text) for name, heading, text in fit.sections() if name != "estimates"]
     if (result.folder / "track" / "manifest.txt").exists():
         box, extra = track_page.followed(Outputs(result.folder / "track"))
         parts.append(("Track", box + "".join(text for _, _, text in extra)))
-    summary = outputs.summary("identify")
+    summary = Outputs(result.folder).summary("identify")
     if summary is not None:
         parts.append(("What the program printed", h.preformatted(summary.text)))
     return parts
@@ -90,9 +99,12 @@ def mode_pictures(result: Result) -> str:
                          names=[one[2] for one in numbers])
 
 
-def report(result: Result) -> str:
-    """Return the page about a fit, as `beamid report` writes it."""
-    return str(command_page.document(Outputs(result.folder)))
+def report(result: Result, units: dict[str, tuple[str, int]]) -> str:
+    """Return the page about a fit, as `beamid report` writes it.
+
+    units  as `sections_of` takes them
+    """
+    return str(command_page.document(Outputs(result.folder), units))
 
 
 class Results:
@@ -107,9 +119,14 @@ class Results:
         self.box = ui.element("div").classes("views fits")
         self.show_all()
 
+    @property
+    def result(self) -> Result | None:
+        """The fit that is shown; None beside a comparison."""
+        return next((one for one in self.session.results if one.number == self.shown), None)
+
     def redraw(self) -> None:
         """Say whether the case has changed since the fit, and follow the colours of the page."""
-        result = next((one for one in self.session.results if one.number == self.shown), None)
+        result = self.result
         if self.outdated is not None and result is not None:
             changed = differences.sentence(self.studio, result)
             self.outdated.text = changed and (
@@ -153,7 +170,7 @@ class Results:
         with self.box:
             self.fit_list(result)
             self.outdated = ui.label("").classes("tell").props("data-field=outdated")
-            self.studio.draw_now()
+            self.studio.show_found()
             self.redraw()
             if error or not parts:
                 texts = [error] if error else [self.studio.located(remark)
@@ -315,7 +332,7 @@ class Results:
         """Write the report beside the outputs, and send it to the browser."""
         path = result.folder / "report.html"
         try:
-            text = await asyncio.to_thread(report, result)
+            text = await asyncio.to_thread(report, result, chosen_units(self.studio, result))
             await asyncio.to_thread(path.write_text, text, encoding="utf-8")
         except Failure as failure:
             ui.notify(failure.message, type="negative")
@@ -344,7 +361,7 @@ def comparison(results: list[Result], inputs: list[list[str]],
     inputs  rows of the inputs in which the fits differ
     units   of parameters that are not shown in the unit of the case
     """
-    fits = [fit_page.Fit(Outputs(result.folder)) for result in results]
+    fits = [fit_page.Fit(PageOutputs(result.folder)) for result in results]
     names = list(dict.fromkeys(row["parameter"] for fit in fits for row in fit.main))
     rows = [["", *(result.name for result in results)]]
     for name in names:

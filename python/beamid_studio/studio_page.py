@@ -137,7 +137,7 @@ class Studio:
             if version == self.version:    # the frequencies do not wait for the record
                 session.found = replace(found)
                 self.draw_now()
-            await asyncio.to_thread(checks.mass_effect, case, folder, found)
+            await asyncio.to_thread(checks.effects_of_sensor, case, folder, found)
         onset = None
         if described and not session.lacking and not found.has_errors:
             onset = await asyncio.to_thread(checks.check_fit, case, folder, record, found,
@@ -176,17 +176,23 @@ class Studio:
         return record.t[part], record.scale * record.z[part]
 
     def show_found(self) -> None:
-        """Show the program's sentences at their fields, and the frequencies in the figures."""
+        """Show the program's sentences at their fields, and the frequencies in the figures.
+
+        The sentences of a fit appear while it is shown, and its inputs are those of the case.
+        """
         found = self.session.found.remarks
-        latest = next(iter(self.session.results[-1:] if not self.session.run else []), None)
-        if latest is None or self.session.changes(latest):
+        shown = None
+        if not self.session.run:
+            shown = ((self.results and self.results.result)
+                     or next(iter(self.session.results[-1:]), None))
+        if shown is None or self.session.changes(shown):
             self.place_remarks(found)
         else:
             # Before the fit, the page has said where the motion begins.
             fields = {remark.field for remark in found} & {("record", "t_first")}
-            self.place_remarks([*found, *(remark for remark in latest.remarks
+            self.place_remarks([*found, *(remark for remark in shown.remarks
                                           if remark.field not in fields)],
-                               latest.remarks if latest.is_refused else [])
+                               shown.remarks if shown.is_refused else [])
         self.draw_now()
 
     def place_of(self, remark: Remark) -> Field:
