@@ -155,7 +155,7 @@ contains
       type(condensed_t) :: found, by_one
       integer :: i, m, threads, usual
 
-      m = 2*rows_of_part(k + 2) + 7
+      m = 2*rows_of_part(1, k + 2) + 7
       a = reshape(gaussian_noise(m*k, 1.0_wp, 9), [m, k])
       y = gaussian_noise(m, 1.0_wp, 10)
       usual = omp_get_max_threads()

@@ -129,14 +129,16 @@ contains
    end subroutine condense
 
    !> Returns the number of rows of a part of a long record, a multiple of `block_rows`: a thread
-   !> computes their products in about a millisecond, much longer than it takes to start it.
+   !> computes their products in about a millisecond, much longer than it takes to start it. There
+   !> are at most 64 parts, because each has its own sums.
    !>
-   !> columns  of the rows
-   pure integer function rows_of_part(columns)
-      integer, intent(in) :: columns
+   !> rows, columns  of the record
+   pure integer function rows_of_part(rows, columns)
+      integer, intent(in) :: rows, columns
       integer, parameter :: products = 25600   ! of a row, times the number of blocks
+      integer, parameter :: most_parts = 64
 
-      rows_of_part = block_rows*max(1, products/columns**2)
+      rows_of_part = block_rows*max(1, products/columns**2, (rows - 1)/(most_parts*block_rows) + 1)
    end function rows_of_part
 
    !> Computes the products of all columns.
@@ -155,7 +157,7 @@ contains
 
       step = block_rows
       if (present(every)) step = every*block_rows
-      rows_each = rows_of_part(size(products, 2))*(step/block_rows)
+      rows_each = rows_of_part(rows%rows/(step/block_rows), size(products, 2))*(step/block_rows)
       parts = (rows%rows + rows_each - 1)/rows_each
       allocate (of_part(size(products, 1), size(products, 2), parts), source=0.0_wp)
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(parts > 1)
@@ -227,7 +229,7 @@ contains
 
       c = condensed%y
       call divide(factor, c)
-      rows_each = rows_of_part(size(c) + 1)
+      rows_each = rows_of_part(rows%rows, size(c) + 1)
       parts = (rows%rows + rows_each - 1)/rows_each
       allocate (of_part(size(c), parts), total(parts), source=0.0_wp)
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(parts > 1)

@@ -134,7 +134,7 @@ contains
          of_columns(b + 2, :) = weights(b + 3, :) + self%middle(k)*weights(b + 4, :)
          of_columns(b + 3, :) = weights(b + 2, :)
       end do
-      rows_each = rows_of_part(self%columns)
+      rows_each = rows_of_part(self%rows, self%columns)
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(self%rows > rows_each)
       do part = 1, self%rows, rows_each
          call expand_part(part, min(part + rows_each - 1, self%rows))
