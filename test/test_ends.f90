@@ -562,17 +562,28 @@ contains
          '&end at=''tip'', kind=''free'' /', 'twice')
       call refused('unknown kind', '&end at=''tip'', kind=''welded'' /', '', 'welded')
       call refused('which end', '&end kind=''free'' /', '', 'at')
+      call refused('sensor at a held tip', '&end at=''tip'', kind=''pinned'' /', &
+         '&sensor x_S=1 /'//new_line('a')//'&excitation kind=''pulse'', amplitude=1, '// &
+         'duration=0.1, x_F=0.5 /'//new_line('a')//'&record t_first=1, t_last=9, t_step=1 /', &
+         'sensor x_S: found 1, the tip, which &end holds', 'simulate')
    end subroutine test_refusals
 
    !> Checks that a case with two groups is refused in one line that contains a word.
-   subroutine refused(name, first, second, word)
+   !>
+   !> command  default: modes
+   subroutine refused(name, first, second, word, command)
       character(len=*), intent(in) :: name, first, second, word
+      character(len=*), intent(in), optional :: command
       type(outcome_t) :: outcome
       character(len=*), parameter :: nl = new_line('a')
 
       call write_file('bad.nml', '&beam length=1, rho=1, E=1, I=1 /'//nl//first//nl// &
          second//nl)
-      outcome = beamid('modes bad.nml --out out')
+      if (present(command)) then
+         outcome = beamid(command//' bad.nml --out out')
+      else
+         outcome = beamid('modes bad.nml --out out')
+      end if
       call check('refused: '//name, outcome%status == 2 .and. index(outcome%err, word) > 0 .and. &
          index(outcome%err, nl) >= len_trim(outcome%err), outcome%err)
    end subroutine refused

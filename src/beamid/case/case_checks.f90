@@ -15,8 +15,8 @@ module beamid_case_checks
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, n_parameters, of_a_h, of_eta, of_g, of_T, &
-      of_x_F, structure_t
+   use beamid_structure, only: compliance_at, deflection, is_coefficient, n_parameters, of_a_h, &
+      of_eta, of_g, of_T, of_x_F, structure_t, tip, x_S_at
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -49,6 +49,7 @@ contains
          error)
       call check_loss(case, error)
       call check_coupled(case, error)
+      if (needs /= needs_design) call check_held_sensor(case, error)
       if (allocated(error)) return
       if (needs == needs_response) then
          call check_response(case, error)
@@ -142,6 +143,27 @@ contains
          case%recordings(1)%line, 'record', 'no grid of sample times', &
          't_first, t_last and t_step', error)
    end subroutine check_response
+
+   !> Refuses a sensor at a tip that does not move, because its record would be 0.
+   subroutine check_held_sensor(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      integer :: k
+
+      associate (s => case%model%structure)
+         if (s%end(tip)%kappa_w > 0 .or. any(case%excitations%is_base) .or. &
+            all(case%recordings%kind == 'modes') .or. any([(allocated(case%recordings(k)%x_S), &
+            k=1, size(case%recordings))])) return
+         if (any([(any(case%stages(k)%free == compliance_at(deflection, tip)), &
+            k=1, size(case%stages))])) return
+         do k = 1, max(1, s%sensors)
+            if (s%place(x_S_at(k)) < s%length*(1 - 1e-6_wp)) cycle
+            call refuse(case%path, 0, 'sensor x_S', to_text(s%length)//', the tip, which &end '// &
+               'holds', 'a place that moves', error)
+            return
+         end do
+      end associate
+   end subroutine check_held_sensor
 
    !> Refuses a case whose candidate experiments or present experiment are incomplete.
    subroutine check_design(case, error)
