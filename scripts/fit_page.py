@@ -24,7 +24,7 @@ LONG = 75    # a line shorter than that has no other one behind it that goes on 
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
 #: How much the error of a fixed parameter moves the estimates: below the sources of errors.
-EFFECT = re.compile(r"[\d.E+-]+ (.+ )?in \S+ moves ")
+EFFECT = re.compile(r"([\d.E+-]+) (.+ )?in (\S+) moves ")
 #: Beginnings of sentences that limit a good result.
 RESERVATIONS = ("residuals are NOT white", "not in these intervals")
 CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",
@@ -93,7 +93,8 @@ class Fit:
         lines += [line for line in unwrapped(statistics)
                   if any(word in line for word in CHECKS) and not line.startswith(" ")
                   and not EFFECT.match(line)]
-        lines += [line for line in unwrapped(warnings) if line.startswith("not in these intervals")]
+        lines += [line for line in unwrapped(warnings)
+                  if line.startswith(("not determined", "not in these intervals"))]
         # What stands above the quality of the records makes reservations about the fit.
         above = summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
         lines = [line for line in unwrapped(above) if not line.startswith("no fit")] + lines
@@ -218,16 +219,25 @@ class Fit:
         if not bars:
             return ""
         return ("<h3>Where the error comes from</h3>\n" + h.paragraph(
-            "Shares of the variance. A fixed parameter contributes the error that its standard "
-            "deviation in the case (`&prior`) causes.")
+            "Shares of the variance. A fixed parameter contributes the error that its stated "
+            "standard deviation causes.")
             + f'<div class="bars">{"".join(bars)}</div>\n' + self.effects())
 
     def effects(self):
         """Returns how much the error of each fixed parameter moves the estimates."""
         summary = self.outputs.summary("identify")
         lines = [] if summary is None else unwrapped(summary.text)
-        lines = [line for line in lines if EFFECT.match(line)]
+        lines = [self.in_preferred_unit(line) for line in lines if EFFECT.match(line)]
         return h.paragraph(f"One standard deviation: {'; '.join(lines)}.") if lines else ""
+
+    def in_preferred_unit(self, line):
+        """Returns a sentence on the effect of an error with this error in the preferred unit."""
+        error, _, name = EFFECT.match(line).groups()
+        if name not in self.preferred:
+            return line
+        unit, power = self.preferred[name]
+        return (f"{h.significant(float(error) / 10**power)} {unit} in {name} moves "
+                + line[EFFECT.match(line).end():])
 
     # -- record and model
 
@@ -526,7 +536,8 @@ def intervals(outputs, elements=None, fit_rows=(), preferred=None):
                                                                 rel_tol=1e-12):
             return h.paragraph("`intervals.csv` belongs to another fit than `estimates.csv`: "
                                "repeat `profile`, `sample` or `bootstrap`.")
-    text = left_out(outputs) + interval_table(found, preferred or {}) + interval_figures(found)
+    found.preferred = preferred or {}
+    text = left_out(outputs) + interval_table(found) + interval_figures(found)
     if found.profiles:
         text += profiles(found)
     if found.draws or found.resampled:
@@ -542,8 +553,7 @@ def intervals(outputs, elements=None, fit_rows=(), preferred=None):
 
 def left_out(outputs):
     """Returns a box with the program's sentences on errors that intervals do not include."""
-    texts = [p.read_text(outputs.folder / name) for name in ("intervals.txt", "summary.txt")
-             if outputs.has(name)]
+    texts = [outputs.text(name) for name in ("intervals.txt", "summary.txt") if outputs.has(name)]
     lines = [line for text in texts for line in unwrapped(text)
              if line.startswith(("these intervals do not include", "not in these intervals"))]
     return h.box("", "Errors that these intervals leave out", dict.fromkeys(lines)) * bool(lines)
@@ -560,7 +570,15 @@ def parameters_of(found):
     return list(dict.fromkeys(row["parameter"] for row in found.rows))
 
 
-def interval_table(found, preferred):
+def unit_of(found, name, power):
+    """Returns the unit in which a parameter is shown, and its power of ten.
+
+    `power` is used if the unit of the parameter is not chosen.
+    """
+    return found.preferred.get(name, (h.scaled_unit(power, found.unit(name)), power))
+
+
+def interval_table(found):
     """Returns a table with a row for each parameter and a column for each method."""
     methods = methods_of(found)
     rows = []
@@ -568,7 +586,7 @@ def interval_table(found, preferred):
         known = [found.interval(method, name) for method in methods]
         ends = [end for interval in known if interval for end in interval.ends]
         power = h.common_power(ends)
-        unit, power = preferred.get(name, (h.scaled_unit(power, found.unit(name)), power))
+        unit, power = unit_of(found, name, power)
         decimals = [h.decimals_of(*interval.ends, power) for interval in known if interval]
         finest = max((number for number in decimals if number is not None), default=None)
         rows.append([h.name_cell(name), *(told(interval, finest, power) for interval in known),
@@ -610,13 +628,13 @@ def interval_figures(found):
                   if math.isfinite(x)]
         if not values:
             continue
-        power = h.common_power(values)
+        unit, power = unit_of(found, name, h.common_power(values))
         ten = 10.0**power
         lines = [(plot_intervals.METHODS[method][0], *METHODS[method], interval.estimate / ten,
                   *(end / ten if math.isfinite(end) else
                     math.copysign(math.inf, -1 if k == 0 else 1)
                     for k, end in enumerate(interval.ends))) for method, interval in known]
-        title = f.label(h.symbol(name), h.scaled_unit(power, found.unit(name)))
+        title = f.label(h.symbol(name), unit)
         charts.append(h.figure(f.intervals(lines, title), name=f"Intervals of {name}"))
     return h.panels(charts, "95 % intervals of each parameter by each method. A triangle stands "
                     "for an end that does not exist.")
@@ -649,7 +667,8 @@ def profile(found, name, rows):
             outer[k] = own.ends[k]
     low, high = outer
     logarithmic = low > 0 and high > 30 * at[best]
-    power = 0 if logarithmic else h.common_power(outer)
+    unit, power = ((h.scaled_unit(0, found.unit(name)), 0) if logarithmic else
+                   unit_of(found, name, h.common_power(outer)))
     ten = 10.0**power
     spaced = np.geomspace if logarithmic else np.linspace
     fine = spaced(low, high, 200)
@@ -671,7 +690,7 @@ def profile(found, name, rows):
         text = {"bound": f"bound {number}", "unknown": f"lost at {number}", "unbounded":
                 "no limit →" if side == "right" else "← no limit"}.get(state, number)
         ends.append((math.log10(end) if logarithmic else end / ten, text, side))
-    title = f.label(h.symbol(name), h.scaled_unit(power, found.unit(name)))
+    title = f.label(h.symbol(name), unit)
     # The distance is nearly straight, so its square is smooth between points.
     figure = f.profile(at[inside] / ten, z[inside]**2,
                        (fine / ten, plot_intervals.curve(at, z, fine)**2), parabola, ends,
@@ -688,14 +707,15 @@ def corner(found):
     draws = found.draws or found.resampled
     names = list(draws)[:plot_intervals.MOST]
     hidden = list(draws)[plot_intervals.MOST:]
-    powers = {name: h.common_power(np.quantile(draws[name], (0.001, 0.999))) for name in names}
+    shown = {name: unit_of(found, name, h.common_power(np.quantile(draws[name], (0.001, 0.999))))
+             for name in names}
+    powers = {name: power for name, (_, power) in shown.items()}
     scaled = {name: draws[name] / 10.0**powers[name] for name in names}
     others = found.resampled if found.draws else None
     others = others and {name: others[name] / 10.0**powers[name] for name in names
                          if name in others}
     spans = {name: plot_intervals.range_of(scaled[name]) for name in names}
-    titles = {name: f.label(h.symbol(name), h.scaled_unit(powers[name], found.unit(name)))
-              for name in names}
+    titles = {name: f.label(h.symbol(name), shown[name][0]) for name in names}
     best = {name: getattr(found.interval("linear", name), "estimate", math.nan)
             / 10.0**powers[name] for name in names}
 

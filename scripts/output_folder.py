@@ -75,4 +75,8 @@ class Outputs:
         """Returns what a command printed, if summary.txt is of one of the commands; else None."""
         if not self.written_by("summary.txt", *commands):
             return None
-        return Summary(read_text(self.folder / "summary.txt"))
+        return Summary(self.text("summary.txt"))
+
+    def text(self, name):
+        """Returns what a command printed into a file."""
+        return read_text(self.folder / name)

@@ -110,6 +110,7 @@ class BeamStep:
         case.set("beam", "c_d", f"{VISCOSITY * float(modulus):.0e}".replace("e+0", "e"))
         if not case.get("beam", "gamma"):
             case.set("beam", "gamma", AIR)
+        self.session.preset("density", density)
         self.studio.refresh_fields()
         self.studio.changed()
 

@@ -29,12 +29,13 @@ CONCERNS: tuple[tuple[str, Field], ...] = (
     ("in the window", ("record", "t_first")), ("clip", ("record", "value")),
     ("no parameter counts as determined", ("stage", "free")))
 ADVICE = re.compile(r"add '(\w+)' to free")
-#: Advice in the words of the command line, perhaps in several lines, and in those of the page.
+#: Advice in the words of the command line, and in those of the page.
 WORDS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
-    (re.compile(old.replace(" ", r"\s+")), new) for old, new in (
-        (("if the length or a position has a &prior, add it to free, keep the prior, and run "
-          "`beamid profile`"),
-         "if the length or a position has a standard deviation, tick it as well, and use Profile"),
+    (re.compile(old), new) for old, new in (
+        (("may exaggerate it: if the length or a position has a &prior, add it to free, keep the "
+          "prior, and run `beamid profile`"),
+         "may exaggerate it: tick what has a standard deviation as well, and use Profile"),
+        ("set more elements", "set more elements in the case file"),
         ("add (it|them) to free and keep (its|their) &prior",
          r"tick \1 and keep \2 standard deviation"),
         (r"add '(\w+)' to free", r"estimate \1"),

@@ -44,12 +44,11 @@ ADDED = {command: "Track" if command == "track" else "Beyond linear theory" for 
 
 
 class PageOutputs(Outputs):
-    """The files of a fit, whose summary gives advice in the words of the page."""
+    """The files of a fit, whose texts give advice in the words of the page."""
 
-    def summary(self, *commands: str) -> h.Summary | None:
+    def text(self, name: str) -> str:
         """Return what the program printed, with other advice."""
-        found = super().summary(*commands)
-        return found and h.Summary(checks.in_words_of_page(found.text))
+        return checks.in_words_of_page("\n".join(fit_page.unwrapped(super().text(name))))
 
 
 def chosen_units(studio: Any, result: Result) -> dict[str, tuple[str, int]]:
@@ -129,9 +128,10 @@ class Results:
         result = self.result
         if self.outdated is not None and result is not None:
             changed = differences.sentence(self.studio, result)
+            again = " Run the fit again." * (result is self.session.results[-1])
             self.outdated.text = changed and (
-                f"Outdated: the inputs of {result.name} are not those of the case now: {changed}. "
-                "Run the fit again.")
+                f"Outdated: the inputs of {result.name} are not those of the page now: {changed}."
+                + again)
             self.outdated.set_visibility(bool(changed))
         if self.dark != self.studio.dark:
             self.dark = self.studio.dark

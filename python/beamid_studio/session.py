@@ -12,7 +12,7 @@ import cases
 import numpy as np
 
 from beamid_studio import recordings, runs
-from beamid_studio.case_model import Case, Input, quoted
+from beamid_studio.case_model import Case, Input, number_text, quoted
 from beamid_studio.checks import Found, Remark, remark_of, verdict_remarks
 from beamid_studio.records import Force, Record
 
@@ -24,6 +24,8 @@ NEW = """&units length='m', force='N', time='s', mass='kg' /
 &prior parameter='length', sd=0.001 /
 &prior parameter='height', sd=2e-5 /
 """
+#: Standard deviations to begin with, as shares of the value that the user has entered.
+SHARES = {"m_S": 0.1, "density": 0.01}
 #: Sessions of closed tabs that are kept, so that a tab can come back.
 KEPT = 4
 #: An excitation to begin with.
@@ -77,8 +79,9 @@ class Session:
         self.chosen_units: dict[tuple[str, ...], str] = {}    #: of the fields of the page
         self.folder: Path | None = None
         self.case = Case(NEW)
-        self.presets = {keys["parameter"][0].strip("'"): keys["sd"][0] for keys in
-                        self.case.all("prior")}    #: standard deviations that nobody has checked
+        #: standard deviations that nobody has checked; None: the user's own, or none
+        self.presets: dict[str, str | None] = {
+            keys["parameter"][0].strip("'"): keys["sd"][0] for keys in self.case.all("prior")}
         self.name = ""                   #: of the file, as the user calls it
         self.records = [Record(self.case.first("record"))]    #: of the case, in its order
         self.found = Found()
@@ -139,6 +142,13 @@ class Session:
             session.close()
         for run in list(runs.ALL):
             run.kill()
+
+    def preset(self, name: str, value: str) -> None:
+        """State a share of a value as its standard deviation, unless the user has chosen one."""
+        number = float(number_text(value) or 0)
+        if name in SHARES and self.presets.get(name, "") is not None and number > 0:
+            self.presets[name] = f"{SHARES[name] * number:.2g}"
+            self.case.set_prior(name, self.presets[name])
 
     # -- the records
 
@@ -393,6 +403,7 @@ class Session:
             shutil.copyfile(source, folder / target)
         self.case, self.name = case, path.name
         self.presets.clear()
+        self.presets.update(dict.fromkeys(SHARES))
         self.records = [Record(keys, name=given) for keys, given in zip(records, names)]
         for record in self.records:
             record.read(folder)

@@ -18,7 +18,7 @@ from beamid_studio import beam_step, checks, fit_step, record_step, save_step, s
 from beamid_studio.case_model import Case
 from beamid_studio.checks import Field, Found, Remark
 from beamid_studio.recordings import Unreadable
-from beamid_studio.session import Session
+from beamid_studio.session import Result, Session
 from beamid_studio.widgets import NumberField, Tells
 
 #: Seconds after an input before the program is asked.
@@ -72,13 +72,22 @@ class Studio:
                ) -> NumberField:
         """Add a field for a number of the case."""
         field = NumberField(lambda: self.session.case, (group, key.lower()), label, units,
-                            self.changed, chosen=self.session.chosen_units,
+                            lambda: self.take_number(group, key), chosen=self.session.chosen_units,
                             presets=self.session.presets, **options)
         self.numbers.append(field)
         if not options.get("sd"):
             self.tells[field.place] = field.tells
             self.labels[field.place], self.steps_of[field.place] = label, self.building
         return field
+
+    def take_number(self, group: str, key: str) -> None:
+        """Follow a number that the user has entered, and show the preset of its error, if any."""
+        if group != "prior":
+            self.session.preset(key, self.session.case.get(group, key.lower()))
+            for field in self.numbers:
+                if field.sd == key:
+                    field.write()
+        self.changed()
 
     def tell_at(self, group: str, key: str, label: str = "") -> Tells:
         """Add a place for the sentences that concern a field."""
@@ -102,8 +111,8 @@ class Studio:
     def draw_now(self) -> None:
         """Redraw what the user sees and what needs no long computation."""
         if not self.is_closed():
-            latest = self.session.latest
-            self.outdated.set_visibility(bool(latest and self.session.changes(latest)))
+            shown = self.shown
+            self.outdated.set_visibility(bool(shown and self.session.changes(shown)))
             self.redraws[self.session.step]()
 
     def show_step(self, name: str) -> None:
@@ -175,16 +184,19 @@ class Studio:
         part = slice(int(low), int(high) + 1)
         return record.t[part], record.scale * record.z[part]
 
+    @property
+    def shown(self) -> Result | None:
+        """The fit that the page shows; beside a comparison, the latest one."""
+        return ((self.results and self.results.result)
+                or next(iter(self.session.results[-1:]), None))
+
     def show_found(self) -> None:
         """Show the program's sentences at their fields, and the frequencies in the figures.
 
         The sentences of a fit appear while it is shown, and its inputs are those of the case.
         """
         found = self.session.found.remarks
-        shown = None
-        if not self.session.run:
-            shown = ((self.results and self.results.result)
-                     or next(iter(self.session.results[-1:]), None))
+        shown = None if self.session.run else self.shown
         if shown is None or self.session.changes(shown):
             self.place_remarks(found)
         else:

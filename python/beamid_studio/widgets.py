@@ -60,7 +60,7 @@ class NumberField:
     def __init__(self, case: Callable[[], Case], place: Field, label: str, units: dict[str, str],
                  changed: Callable[[], None], *, sd: str = "",
                  chosen: dict[tuple[str, ...], str] | None = None,
-                 presets: dict[str, str] | None = None) -> None:
+                 presets: dict[str, str | None] | None = None) -> None:
         self.presets = {} if presets is None else presets    #: standard deviations to be checked
         self.case, self.place, self.changed = case, place, changed
         self.units, self.sd, self.muted = units, sd, False
@@ -104,12 +104,14 @@ class NumberField:
         self.tells.own = ""
         if self.sd:
             is_preset = bool(raw) and self.presets.get(self.sd) == raw
-            self.tells.suggest("Preset: check it." if is_preset else "")
+            self.tells.suggest("Preset: press Enter in the field if it is right." if is_preset
+                               else "")
         self.muted = False
 
     def confirm(self) -> None:
         """Take a preset as the value of the user, who has been in its field."""
-        if self.presets.pop(self.sd, None) is not None:
+        if self.presets.get(self.sd) is not None:
+            self.presets[self.sd] = None
             self.tells.suggest("")
 
     def read(self) -> None:
@@ -125,7 +127,7 @@ class NumberField:
         if value is None:
             return
         if self.sd:
-            self.presets.pop(self.sd, None)
+            self.presets[self.sd] = None
             self.tells.suggest("")
             self.case().set_prior(self.sd, value)
         else:

@@ -838,7 +838,10 @@ def begins_later(tab, server):
     badge = tab.locator("[data-step=record] .q-badge")
     tab.click("[data-step=record]")
     tab.fill("[data-field=record-t_first]", "")
+    tab.fill("[data-field=record-t_last]", "")
     tab.click("[data-step=fit]")
+    tab.fill("[data-field=prior-m_s]", "0.5")
+    tab.fill("[data-field=prior-height]", "0.02")
     badge.wait_for(state="hidden", timeout=WAIT)
     tab.click("[data-fit='1']")
     badge.wait_for(timeout=WAIT)
@@ -850,9 +853,13 @@ def says_what_the_result_is(tab):
     """Units are those of the fields; presets are named, and what each command does."""
     assert re.search(r"\nE\t203\t.*\tGPa\t", "\n" + tab.locator(
         ".report:has(.bars) table").last.inner_text())
-    assert tab.get_by_text("Preset: check it.").count() == 2
+    assert tab.get_by_text("Preset: press Enter").count() == 4
+    mass = tab.locator("[data-field=prior-m_s]")
+    assert mass.input_value() == "0.5"    # g, a tenth of 5 g
+    mass.fill("")
     effect = tab.get_by_text("An error of 10 % would move E by").inner_text()
     assert 1 < float(re.search(r"by ([\d.]+) %", effect)[1]) < 4
+    mass.fill("0.5")
     for command in ("profile", "sample", "bootstrap", "track"):
         tab.hover(f"[data-go={command}]")
         tab.locator(".q-tooltip").get_by_text("Fits" if command != "sample" else "Draws"
@@ -865,17 +872,18 @@ def follows_changes(tab):
     """A result of other inputs is marked; a window before the motion is named at its field."""
     mark = tab.locator("[data-mark=outdated]")
     assert mark.is_hidden() and tab.locator("[data-field=outdated]").is_hidden()
-    tab.fill("[data-field=prior-m_s]", "0.5")
-    tab.get_by_text("Standard deviation of m_S (none, now 0.5 g)").wait_for(timeout=WAIT)
+    tab.fill("[data-field=prior-m_s]", "0.6")
+    tab.get_by_text("Standard deviation of m_S (0.5 g, now 0.6 g)").wait_for(timeout=WAIT)
     assert mark.is_visible() and "fit 1" in tab.locator("[data-field=outdated]").inner_text()
     tab.get_by_text("An error of 10 % would move E by").wait_for(state="hidden", timeout=WAIT)
     tab.fill("[data-field=prior-height]", "0.01")
     tab.wait_for_function("[...document.querySelectorAll('.hint')].filter((one) => "
-                          "one.offsetParent).length === 1", timeout=WAIT)
+                          "one.offsetParent).length === 2", timeout=WAIT)
     # A preset that is right is confirmed in its field.
-    tab.focus("[data-field=prior-length]")
-    tab.keyboard.press("Enter")
-    tab.get_by_text("Preset: check it.").wait_for(state="hidden", timeout=WAIT)
+    for name in ("length", "density"):
+        tab.focus(f"[data-field=prior-{name}]")
+        tab.keyboard.press("Enter")
+    tab.get_by_text("Preset: press Enter").wait_for(state="hidden", timeout=WAIT)
     tab.click("[data-step=save]")
     differs = tab.locator("[data-field=differs]")
     differs.wait_for(timeout=WAIT)
@@ -927,7 +935,7 @@ def compares(tab):
     estimates = tab.locator(".report table").first.inner_text()
     assert estimates.count("\ndetermined") == 8, estimates    # 4 parameters of 2 fits
     rows = tab.locator(".report table").nth(1).inner_text()
-    for row in ("From\tnone\t1.1 s", "To\tnone\t6 s", "Standard deviation of m_S\tnone\t0.5 g",
+    for row in ("From\tnone\t1.1 s", "To\tnone\t6 s", "Standard deviation of m_S\t0.5 g\t0.6 g",
                 "Standard deviation of height\t0.02 mm\t0.01 mm"):
         assert row in rows, rows
     tab.click("[data-fit='3']")
