@@ -236,7 +236,7 @@ class Fit:
         if name not in self.preferred:
             return line
         unit, power = self.preferred[name]
-        return (f"{h.significant(float(error) / 10**power)} {unit} in {name} moves "
+        return (f"{float(error) / 10**power:.4g} {unit} in {name} moves "
                 + line[EFFECT.match(line).end():])
 
     # -- record and model
