@@ -159,14 +159,18 @@ contains
       if (present(every)) step = every*block_rows
       rows_each = rows_of_part(rows%rows/(step/block_rows), size(products, 2))*(step/block_rows)
       parts = (rows%rows + rows_each - 1)/rows_each
+      products = 0
+      if (parts == 1) then
+         call multiply_part(1, rows%rows, products)
+         return
+      end if
       allocate (of_part(size(products, 1), size(products, 2), parts), source=0.0_wp)
-      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag) if(parts > 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do part = 1, parts
          call multiply_part((part - 1)*rows_each + 1, min(part*rows_each, rows%rows), &
             of_part(:, :, part))
       end do
       !$omp end parallel do
-      products = 0
       do part = 1, parts
          products = products + of_part(:, :, part)
       end do
