@@ -38,7 +38,7 @@ WORDS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         ("set more elements", "set more elements in the case file"),
         ("add (it|them) to free and keep (its|their) &prior",
          r"tick \1 and keep \2 standard deviation"),
-        (r"add '(\w+)' to free", r"estimate \1"),
+        (ADVICE.pattern, r"estimate \1"),
         ("state a &prior", "state a standard deviation"),
         (r"Begin at this time \(t_first=([-+.\deE]+)\)", r"Begin at \1"),
         (r"these times \(t_first\)", "these times"),
