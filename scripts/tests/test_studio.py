@@ -185,6 +185,12 @@ def describe(page, **values):
         page.fill(f"[data-field={name}]", text)
 
 
+def wait_for_hints(page, number):
+    """Wait until so many hints are visible, such as those of presets."""
+    page.wait_for_function("(number) => [...document.querySelectorAll('.hint')].filter((one) => "
+                           "one.offsetParent).length === number", arg=number, timeout=WAIT)
+
+
 def fit(page, number):
     """Fits, and waits for the result of this number."""
     page.click("[data-step=fit]")
@@ -877,13 +883,12 @@ def follows_changes(tab):
     assert mark.is_visible() and "fit 1" in tab.locator("[data-field=outdated]").inner_text()
     tab.get_by_text("An error of 10 % would move E by").wait_for(state="hidden", timeout=WAIT)
     tab.fill("[data-field=prior-height]", "0.01")
-    tab.wait_for_function("[...document.querySelectorAll('.hint')].filter((one) => "
-                          "one.offsetParent).length === 2", timeout=WAIT)
+    wait_for_hints(tab, 2)
     # A preset that is right is confirmed in its field.
     for name in ("length", "density"):
         tab.focus(f"[data-field=prior-{name}]")
         tab.keyboard.press("Enter")
-    tab.get_by_text("Preset: press Enter").wait_for(state="hidden", timeout=WAIT)
+    wait_for_hints(tab, 0)
     tab.click("[data-step=save]")
     differs = tab.locator("[data-field=differs]")
     differs.wait_for(timeout=WAIT)
