@@ -698,7 +698,7 @@ def profile(found, name, rows):
     if logarithmic:
         figure.update_xaxes(type="log", range=[math.log10(x) for x in shown])
     else:
-        figure.update_xaxes(range=[x / ten for x in shown])
+        figure.update_xaxes(range=[x / ten for x in shown], nticks=5)
     return figure
 
 

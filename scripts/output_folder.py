@@ -43,8 +43,8 @@ class Outputs:
             writer = self.writers.get("case.txt")
             others = [name for name in self.commands() if name != writer]
             return read_text(self.folder / "case.txt"), (
-                f"This is the case file of `{writer}`, the last command of this folder. That of "
-                f"{', '.join(f'`{name}`' for name in others)} may have been another one."
+                f"The last command that wrote into this folder was `{writer}`, and this is its "
+                f"case file. {', '.join(f'`{name}`' for name in others)} may have read another one."
                 if others else "")
         printed = [read_text(self.folder / name) for name in ("summary.txt", "intervals.txt")
                    if self.has(name)]

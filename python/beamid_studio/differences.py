@@ -4,6 +4,7 @@ from __future__ import annotations
 from typing import Any
 
 import cases
+from page import GREEK
 
 from beamid_studio.case_model import Case, Input, number_text
 from beamid_studio.session import Result
@@ -22,7 +23,7 @@ def name_of(studio: Any, place: Input) -> str:
     """Return what the page calls an input."""
     group, which, key = place
     if group == "prior":
-        return f"Standard deviation of {which}" + f", {key}" * (key not in ("sd", "parameter"))
+        return f"Standard deviation of {GREEK.get(which, which)}" + f", {key}" * (key not in ("sd", "parameter"))
     name = NAMES.get((group, key)) or studio.labels.get((group, key)) or f"&{group} {key}"
     several = group in NUMBERED and len(studio.session.case.all(group)) > 1
     return f"{name}, {group} {which}" if several else name
@@ -40,7 +41,8 @@ def value_of(studio: Any, place: Input, values: tuple[str, ...] | None) -> str:
         text = number_text(values[0], field.unit[1], divide=True)
         if text:
             return f"{text} {field.unit[0]}".strip()
-    return ", ".join(cases.unquoted([value]) for value in values)
+    names = [cases.unquoted([value]) for value in values]
+    return ", ".join(GREEK.get(name, name) for name in names)
 
 
 def sentence(studio: Any, result: Result) -> str:

@@ -432,6 +432,7 @@ class RecordStep:
         self.empty.set_visibility(not there)
         self.shown.set_visibility(there)
         self.draw_record()
+        self.show_window()
         self.heading.set_visibility(in_time)
         self.more.set_visibility(in_time)
         self.studio.draw_spectrum(self.spectrum)
@@ -441,6 +442,13 @@ class RecordStep:
             key = (record.version, record.window, record.scale, tuple(modes))
             self.studio.follow_figure(self.spectrogram, key, lambda: views.spectrogram(
                 self.studio.window_samples(), modes))
+
+    def show_window(self) -> None:
+        """Show the ends of the window in fields that the user has left empty."""
+        record = self.session.record
+        if record.kind in self.ends and record.t.size:
+            for field, end in zip(self.ends[record.kind][1], record.window):
+                field.input.props(f'stack-label placeholder="{end:.6g}"')
 
     def draw_record(self) -> None:
         """Redraw the record and its window."""

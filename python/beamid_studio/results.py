@@ -98,12 +98,15 @@ def mode_pictures(result: Result) -> str:
                          names=[one[2] for one in numbers])
 
 
-def report(result: Result, units: dict[str, tuple[str, int]]) -> str:
+def report(result: Result, name: str, units: dict[str, tuple[str, int]]) -> str:
     """Return the page about a fit, as `beamid report` writes it.
 
+    name   of the file of the record
     units  as `sections_of` takes them
     """
-    return str(command_page.document(Outputs(result.folder), units))
+    outputs = Outputs(result.folder)
+    outputs.name = f"{name}, {result.name}"
+    return str(command_page.document(outputs, units))
 
 
 class Results:
@@ -115,6 +118,7 @@ class Results:
         self.dark = studio.dark
         self.shown = 0
         self.outdated: Any = None    #: the sentence above a result of other inputs
+        self.back: Any = None        #: the button that takes these inputs back
         self.box = ui.element("div").classes("views fits")
         self.show_all()
 
@@ -132,22 +136,25 @@ class Results:
             self.outdated.text = changed and (
                 f"Outdated: the inputs of {result.name} are not those of the page now: {changed}."
                 + again)
-            self.outdated.set_visibility(bool(changed))
+            for part in (self.outdated, self.back):
+                part.set_visibility(bool(changed))
         if self.dark != self.studio.dark:
             self.dark = self.studio.dark
             for chart, spec in self.figures:
                 self.studio.show_figure(chart, spec)
 
     def show_all(self) -> None:
-        """Show the latest fit of the session, or what to do."""
+        """Show the fit that was shown, the latest one otherwise, or what to do."""
         self.figures = []
         self.box.clear()
         with self.box:
             if not self.session.results:
+                self.shown = 0
                 ui.label("The result of the fit appears here: verdict, estimates with intervals, "
                          "and where their errors come from.").classes("empty")
                 return
-        background_tasks.create(self.show_new(self.session.results[-1]), name="show")
+        background_tasks.create(self.show_new(self.result or self.session.results[-1]),
+                                name="show")
 
     async def show_new(self, result: Result, added: str = "") -> None:
         """Show a fit, below a list of all fits.
@@ -170,6 +177,9 @@ class Results:
         with self.box:
             self.fit_list(result)
             self.outdated = ui.label("").classes("tell").props("data-field=outdated")
+            self.back = ui.button(f"Use the inputs of {result.name} again",
+                                  on_click=lambda: self.take_back(result)).props(
+                "flat dense no-caps size=sm color=primary data-go=take-back").classes("self-start")
             self.studio.show_found()
             self.redraw()
             if error or not parts:
@@ -275,6 +285,14 @@ class Results:
                       on_click=lambda: self.download_report(result)).props(
                 "unelevated dense no-caps padding='2px 12px' data-go=report")
 
+    def take_back(self, result: Result) -> None:
+        """Make the inputs of a fit those of the page again."""
+        if self.session.is_busy:
+            self.notify("The program is running: wait, or cancel it.", type="warning")
+            return
+        self.session.take_back(result)
+        self.studio.show_record()
+
     async def begin_at(self, time: str) -> None:
         """Fit the record again from a later time, as the program proposes."""
         self.session.case.set("record", "t_first", time)
@@ -332,7 +350,9 @@ class Results:
         """Write the report beside the outputs, and send it to the browser."""
         path = result.folder / "report.html"
         try:
-            text = await asyncio.to_thread(report, result, chosen_units(self.studio, result))
+            text = await asyncio.to_thread(report, result,
+                                           self.session.name or result.folder.parent.name,
+                                           chosen_units(self.studio, result))
             await asyncio.to_thread(path.write_text, text, encoding="utf-8")
         except Failure as failure:
             ui.notify(failure.message, type="negative")

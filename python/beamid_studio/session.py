@@ -4,7 +4,7 @@ from __future__ import annotations
 import itertools
 import re
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -47,6 +47,7 @@ class Result:
     status: int
     error: str = ""
     remarks: list[Remark] = field(default_factory=list)
+    records: list[Record] = field(default_factory=list)    #: as they were at its beginning
 
     @property
     def name(self) -> str:
@@ -330,6 +331,7 @@ class Session:
         text = self.case_text()
         path = self.folder / "case.nml"
         path.write_text(text, encoding="utf-8")
+        records = [replace(record) for record in self.records]
         self.run = runs.Run("identify", path, out, self.hear)
         try:
             status = await self.run.go()
@@ -342,9 +344,17 @@ class Session:
         summary = out / "summary.txt"
         remarks = (verdict_remarks(summary.read_text(encoding="utf-8")) if summary.exists() else
                    [remark_of(line, "error") for line in error.splitlines()] if status else [])
-        result = Result(number, out, text, status, error if status else "", remarks)
+        result = Result(number, out, text, status, error if status else "", remarks, records)
         self.results.append(result)
         return result
+
+    def take_back(self, result: Result) -> None:
+        """Make the inputs of a fit those of the page again; its tables are still there."""
+        chosen, self.case = self.case.chosen, Case(result.case)
+        self.records = [replace(record, keys=keys) for record, keys in
+                        zip(result.records, self.case.all("record"))]
+        self.case.chosen = min(chosen, len(self.records) - 1)
+        self.used.clear()
 
     async def infer(self, command: str, result: Result, extra: str) -> str:
         """Run profile, sample, bootstrap or track on a fit; return what went wrong, or ''.
@@ -420,4 +430,5 @@ class Session:
         summary = out / "summary.txt"
         text = summary.read_text(encoding="utf-8") if summary.exists() else ""
         self.results.append(Result(1, out, self.case_text(), int(text.startswith("no fit")), "",
-                                   verdict_remarks(text)))
+                                   verdict_remarks(text),
+                                   [replace(record) for record in self.records]))

@@ -204,7 +204,8 @@ class Studio:
             fields = {remark.field for remark in found} & {("record", "t_first")}
             self.place_remarks([*found, *(remark for remark in shown.remarks
                                           if remark.field not in fields)],
-                               shown.remarks if shown.is_refused else [])
+                               [remark for remark in shown.remarks
+                                if shown.is_refused or not remark.advice])
         self.draw_now()
 
     def place_of(self, remark: Remark) -> Field:
@@ -236,7 +237,8 @@ class Studio:
     def place_remarks(self, remarks: list[Remark], told: Sequence[Remark] = ()) -> None:
         """Show sentences at the fields that they concern; the others at the button of the fit.
 
-        told  sentences that the result of a refused fit shows below this button
+        told  sentences that the result of a fit shows below this button; those with a button of
+              their own are shown here, too
         """
         placed: dict[Field, list[Remark]] = {}
         counts = dict.fromkeys(self.badges, 0)

@@ -943,7 +943,19 @@ def compares(tab):
     for row in ("From\tnone\t1.1 s", "To\tnone\t6 s", "Standard deviation of m_S\t0.5 g\t0.6 g",
                 "Standard deviation of height\t0.02 mm\t0.01 mm"):
         assert row in rows, rows
+    tab.click("[data-fit='1']")
+    tab.click("[data-go=take-back]")
+    tab.locator("[data-field=outdated]").wait_for(state="hidden", timeout=WAIT)
+    assert tab.input_value("[data-field=prior-m_s]") == "0.5"
+    tab.click("[data-step=record]")
+    first = tab.locator("[data-field=record-t_first]")
+    assert first.input_value() == "" and float(first.get_attribute("placeholder")) == 1
+    tab.click("[data-step=fit]")
     tab.click("[data-fit='3']")
+    tab.locator("[data-field=outdated]").get_by_text("From (1.1 s, now none)").wait_for(
+        timeout=WAIT)
+    tab.click("[data-go=take-back]")
+    tab.locator("[data-field=outdated]").wait_for(state="hidden", timeout=WAIT)
 
 
 def shows_what_is_added(tab):
