@@ -157,7 +157,7 @@ contains
          if (any([(any(case%stages(k)%free == compliance_at(deflection, tip)), &
             k=1, size(case%stages))])) return
          do k = 1, max(1, s%sensors)
-            if (s%place(x_S_at(k)) < s%length*(1 - 1e-6_wp)) cycle
+            if (.not. s%is_at_tip(s%place(x_S_at(k)))) cycle
             call refuse(case%path, 0, 'sensor x_S', to_text(s%length)//', the tip, which &end '// &
                'holds', 'a place that moves', error)
             return

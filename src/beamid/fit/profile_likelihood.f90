@@ -159,32 +159,40 @@ contains
 
    !> Minimises J over all parameters except one, which is moved to a distant value in steps that
    !> at most double it. The searches are short: J is exact to a relative error of 1e-3 or, at the
-   !> end of a curved valley, a little too large. On the way, a few evaluations suffice.
+   !> end of a curved valley, a little too large. On the way, a few evaluations suffice. Where J has
+   !> risen at two steps in succession, and is above `hopeless`, the way ends.
    !>
    !> problem     on return at any parameters
    !> rows        m, number of its residuals
    !> variables   (n) with their bounds
    !> k           index of the parameter
    !> value       to which it is moved
-   !> parameters  (n) on entry a minimum for their k-th value, on return the minimum for `value`
+   !> hopeless    a sum of squares
+   !> parameters  (n) on entry a minimum for their k-th value, on return the minimum for `value`, or
+   !>             for the value at which the way has ended
    !> error       a fit failed
-   subroutine minimise_at(problem, rows, variables, k, value, parameters, error)
+   subroutine minimise_at(problem, rows, variables, k, value, hopeless, parameters, error)
       class(smooth_problem_t), intent(inout), target :: problem
       integer, intent(in) :: rows, k
       type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(in) :: value
+      real(wp), intent(in) :: value, hopeless
       real(wp), intent(inout) :: parameters(:)
       type(error_t), allocatable, intent(out) :: error
       type(section_t) :: section
-      real(wp) :: J, step
+      real(wp) :: J, before, step
+      integer :: rises
 
       call new_section(section, problem, rows, variables, k, 0.0_wp, 1.0_wp)
-      do while (abs(value - parameters(k)) > 0)
+      before = hopeless
+      rises = 0
+      do while (abs(value - parameters(k)) > 0 .and. rises < 2)
          step = max(abs(parameters(k)), variables(k)%magnitude)
          parameters(k) = parameters(k) + max(-step, min(step, value - parameters(k)))
          call minimise(section, parameters, J, error, &
             tolerance=merge(1e-2_wp, 1e-3_wp, abs(value - parameters(k)) > 0))
          if (allocated(error)) return
+         rises = merge(rises + 1, 0, J > max(before, hopeless))
+         before = J
       end do
    end subroutine minimise_at
 

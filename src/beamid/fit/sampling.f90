@@ -56,8 +56,11 @@ module beamid_sampling
 
    !> Degrees of freedom of the proposal, Student's t.
    real(wp), parameter :: t_freedom = 4
-   !> Number of draws that start from the same copy of the density, whatever the number of threads.
+   !> Number of draws that share a stream of random numbers.
    integer, parameter :: block = 50
+   !> Number of blocks that start from the same copy of the density, if a polynomial stands in for
+   !> it at most draws.
+   integer, parameter :: blocks_per_copy = 4
    !> Importance sampling has failed if the shape k of the weights is above `largest_k`, or the
    !> effective sample size below the share `min_efficiency` of the draws.
    real(wp), parameter :: largest_k = 0.7_wp, min_efficiency = 0.02_wp
@@ -172,7 +175,7 @@ contains
             if (.not. is_reliable .or. draws%effective >= plan%draws .or. &
                wanted >= max_ratio*plan%draws) exit
             wanted = min(max_ratio*plan%draws, max(wanted + 1000, &
-               block*ceiling(1.1_wp*plan%draws/efficiency/block)))
+               block*ceiling(1.04_wp*plan%draws/efficiency/block)))
          end do
          if (is_reliable) exit
          call refit_proposal(proposal, points(proposal, y), weight)
@@ -229,7 +232,7 @@ contains
       real(wp), allocatable, intent(inout) :: y(:, :), value(:), log_weight(:)
       integer, intent(inout) :: evaluations
       class(monitor_t), intent(inout), optional :: monitor
-      integer :: b, counted, finished, first, present_draws, last
+      integer :: counted, each, finished, first, part, present_draws, last
       logical :: is_negative
 
       present_draws = size(value)
@@ -239,14 +242,15 @@ contains
       finished = present_draws
       counted = 0
       is_negative = .false.
+      each = block*merge(blocks_per_copy, 1, surrogate%reach > 0)
       !$omp parallel do schedule(dynamic, 1) private(first, last) copyin(stop_flag) &
       !$omp& reduction(+:counted) reduction(.or.:is_negative)
-      do b = present_draws/block + 1, (wanted + block - 1)/block
+      do part = present_draws/each + 1, (wanted + each - 1)/each
          if (interrupted()) cycle
-         first = max((b - 1)*block, present_draws) + 1
-         last = min(b*block, wanted)
-         call draw_block(density, proposal, surrogate, seed + 7919*b, first - (b - 1)*block, &
-            y(:, first:last), value(first:last), log_weight(first:last), counted, is_negative)
+         first = max((part - 1)*each, present_draws) + 1
+         last = min(part*each, wanted)
+         call draw_part(density, proposal, surrogate, seed, first, y(:, first:last), &
+            value(first:last), log_weight(first:last), counted, is_negative)
          !$omp critical (one_block_done)
          finished = finished + last - first + 1
          if (present(monitor)) call monitor%advanced(finished, wanted, 'draws')
@@ -263,18 +267,13 @@ contains
          evaluations, monitor)
    end subroutine draw_more
 
-   !> Computes the draws first, first + 1, ... of one block. It copies the density here: a result
-   !> must not depend on what another evaluation in the same thread has left, and gfortran 12 calls
-   !> through a wild pointer if a polymorphic variable is private to a thread without work.
+   !> Computes the draws first, first + 1, ... of one or several blocks. It copies the density here:
+   !> a result must not depend on what another evaluation in the same thread has left, and gfortran
+   !> 12 calls through a wild pointer if a polymorphic variable is private to a thread without work.
    !>
-   !> seed         of the block
-   !> first        number in the block of the first draw
-   !> y            (n, draws) coordinates in units of the axes, from the mode
-   !> value        (draws) log density of the parameters
-   !> log_weight   (draws) as in `draw_more`
-   !> counted      number of evaluations, of which those of the block are added
-   !> is_negative  becomes .true. if a random weight is not positive
-   subroutine draw_block(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
+   !> seed   of all draws
+   !> first  number of the first draw; the other arguments are those of `draw_block`
+   subroutine draw_part(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
       is_negative)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
@@ -285,11 +284,42 @@ contains
       integer, intent(inout) :: counted
       logical, intent(inout) :: is_negative
       class(density_t), allocatable :: mine
+      integer :: at, b, last
+
+      allocate (mine, source=density)
+      at = 1
+      do while (at <= size(value))
+         b = (first + at - 2)/block + 1
+         last = min(b*block - first + 1, size(value))
+         call draw_block(mine, proposal, surrogate, seed + 7919*b, first + at - 1 - (b - 1)*block, &
+            y(:, at:last), value(at:last), log_weight(at:last), counted, is_negative)
+         at = last + 1
+      end do
+   end subroutine draw_part
+
+   !> Computes the draws first, first + 1, ... of one block.
+   !>
+   !> seed         of the block
+   !> first        number in the block of the first draw
+   !> y            (n, draws) coordinates in units of the axes, from the mode
+   !> value        (draws) log density of the parameters
+   !> log_weight   (draws) as in `draw_more`
+   !> counted      number of evaluations, of which those of the block are added
+   !> is_negative  becomes .true. if a random weight is not positive
+   subroutine draw_block(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
+      is_negative)
+      class(density_t), intent(inout) :: density
+      type(proposal_t), intent(in) :: proposal
+      type(surrogate_t), intent(in) :: surrogate
+      integer, intent(in) :: seed, first
+      real(wp), intent(out) :: y(:, :)
+      real(wp), intent(inout) :: value(:), log_weight(:)
+      integer, intent(inout) :: counted
+      logical, intent(inout) :: is_negative
       real(wp), dimension(size(y, 1)) :: q, x, width
       real(wp) :: z(size(y, 1), block), u(3, block), scale, share, guess, factor
       integer :: i, n, place
 
-      allocate (mine, source=density)
       n = size(y, 1)
       z = reshape(gaussian_noise(n*block, 1.0_wp, seed), [n, block])
       u(:2, :) = reshape(uniform_noise(2*block, seed + 3), [2, block])
@@ -314,7 +344,7 @@ contains
             else if (u(3, place) > share) then
                value(i) = guess
             else
-               call mine%evaluate(q, value(i))
+               call density%evaluate(q, value(i))
                counted = counted + 1
                if (share < 1) then
                   factor = 1 + (exp(min(value(i) - guess, 700.0_wp)) - 1)/share

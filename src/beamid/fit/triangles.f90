@@ -41,7 +41,7 @@ contains
       do j = 1, k
          if (.not. length(j) > 0) cycle
          inverse(j, j) = 1
-         call divide(factor, inverse(:, j))
+         call divide(factor(:j, :j), inverse(:j, j))
       end do
       condition = norm2(inverse)*sqrt(real(k, wp))
       do j = 1, k

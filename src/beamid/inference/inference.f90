@@ -267,7 +267,8 @@ contains
    !> Returns roughly the share of a posterior in the outer half of the range from 0 to the
    !> artificial end of an unbounded parameter: its density there, with all other parameters at
    !> their most probable values, times their volume by the curvature (Laplace's approximation),
-   !> relative to the same at the estimate. 0 if a bound comes first, or if it cannot be computed.
+   !> relative to the same at the estimate. 0 if a bound comes first, if it cannot be computed, or
+   !> if on the way there the density has become negligible and still falls.
    !>
    !> estimate  (n) mode of the posterior
    !> k         index of the parameter
@@ -278,7 +279,7 @@ contains
       real(wp), intent(in) :: estimate(:), limit
       integer, intent(in) :: k
       type(posterior_t), allocatable :: mine
-      real(wp) :: q(size(estimate)), volume_here, volume_there
+      real(wp) :: q(size(estimate)), negligible, volume_here, volume_there
       type(error_t), allocatable :: error
       integer :: i
 
@@ -286,9 +287,10 @@ contains
       if (variables(k)%upper < limit .or. variables(k)%lower > limit) return
       allocate (mine, source=density)
       q = estimate
-      call minimise_at(mine%problem, mine%problem%rows(), variables, k, 0.75_wp*limit, q, &
-         error)
-      if (allocated(error)) return
+      call mine%find_negligible(q, negligible)
+      call minimise_at(mine%problem, mine%problem%rows(), variables, k, 0.75_wp*limit, &
+         negligible, q, error)
+      if (allocated(error) .or. abs(q(k) - 0.75_wp*limit) > 0) return
       volume_here = log_volume(estimate, [(i, i=1, size(q))])
       volume_there = log_volume(q, [(i, i=1, k - 1), (i, i=k + 1, size(q))])
       if (.not. min(volume_here, volume_there) > impossible) return

@@ -30,7 +30,7 @@ module beamid_posteriors
       real(wp) :: linear = 0                       !< number of linear unknowns per record
       integer, allocatable :: order(:)             !< (records) autoregressive order; 0: white noise
    contains
-      procedure :: evaluate
+      procedure :: evaluate, find_negligible
       procedure, private :: degrees
    end type posterior_t
 
@@ -84,6 +84,29 @@ contains
 
       degrees = self%last(record) - self%first(record) + 1 - self%linear
    end function degrees
+
+   !> Computes a sum of squares at which the density is below that at the mode by a factor of 1e-43
+   !> or more, whichever of the records contributes to it.
+   !>
+   !> mode        (n) parameters
+   !> negligible  sum of squares; huge if the response cannot be computed at the mode
+   subroutine find_negligible(self, mode, negligible)
+      class(posterior_t), intent(inout) :: self
+      real(wp), intent(in) :: mode(:)
+      real(wp), intent(out) :: negligible
+      real(wp), parameter :: fall = 100   ! of the logarithm of the density
+      real(wp) :: J(size(self%first) + 1), ratio
+      type(error_t), allocatable :: error
+      integer :: i
+
+      negligible = huge(negligible)
+      call self%problem%squares(mode, J, error)
+      if (allocated(error)) return
+      ratio = 1
+      if (any(self%estimated)) ratio = exp(min(fall, 2*fall/max(1.0_wp, minval([(self%degrees(i), &
+         i=1, size(self%first))], self%estimated))))
+      negligible = ratio*sum(J) + 2*fall*self%problem%noise**2
+   end subroutine find_negligible
 
    !> Computes the logarithm of the posterior density, up to a constant, and its derivatives.
    !>

@@ -108,7 +108,7 @@ contains
                key_of(k)//': found a value without '//key_of(needs)//', expected both')
          end if
          if (allocated(error) .or. .not. any(x_P_at == k)) return
-         if (structure%support(item)%x_P >= structure%length*(1 - 1e-6_wp) .and. any([( &
+         if (structure%is_at_tip(structure%support(item)%x_P) .and. any([( &
             structure%has_spring(item, c) .and. structure%has_end_spring(c, tip), &
             c=deflection, rotation)])) call bad_input(error, 'x_P: found a support at the '// &
             'tip, which &end holds already, expected one of the two')

@@ -162,9 +162,12 @@ contains
                effect = unit*held%effect(k)
                if (.not. abs(held%effect(k)) < unlimited) then
                   line = line//trim(q%name)//' by an unknown amount'
-               else if (abs(effect) < 1e6_wp*abs(q%searched)) then
+               else if (abs(q%searched) > 0 .and. abs(effect) <= abs(q%searched)) then
                   if (q%is_reciprocal()) effect = -effect
                   line = line//trim(q%name)//filled(' by #.2 %', [100*effect/abs(q%searched)])
+               else if (abs(effect) < 1e6_wp*abs(q%searched)) then
+                  ! Linear theory ends here: a number would claim to know the effect.
+                  line = line//trim(q%name)//' by more than 100 %'
                else
                   ! Nothing to take a percentage of: the value is 0, or the spring is rigid.
                   line = line//trim(q%searched_name())//' by '//to_text(effect)

@@ -179,10 +179,11 @@ contains
             call text%line('residuals are NOT white; some standard errors are unlimited and '// &
                'cannot be corrected')
          else if (.not. fit%statistics%effective < fit%statistics%samples) then
-            call text%line('residuals are NOT white: the model leaves something unexplained')
+            call text%line('residuals are NOT white: the model leaves something unexplained, '// &
+               'which does not widen the intervals')
          else
             call text%line('residuals are NOT white: the samples are worth '// &
-               to_text(fit%statistics%effective)// &
+               to_text(nint(fit%statistics%effective))// &
                ' independent ones; the corrected errors allow for that')
          end if
       end associate

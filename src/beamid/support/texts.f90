@@ -17,7 +17,6 @@ module beamid_texts
    contains
       procedure :: add
       procedure :: line
-      procedure :: clear
       procedure :: content
       procedure :: get
       procedure :: is_empty
@@ -52,13 +51,6 @@ contains
       if (present(piece)) call self%add(trim(piece))
       call self%add(new_line('a'))
    end subroutine line
-
-   !> Removes all that has been appended.
-   pure subroutine clear(self)
-      class(text_t), intent(inout) :: self
-
-      self%length = 0
-   end subroutine clear
 
    !> Returns the whole text.
    pure function content(self)
