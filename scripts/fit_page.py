@@ -224,20 +224,30 @@ class Fit:
             + f'<div class="bars">{"".join(bars)}</div>\n' + self.effects())
 
     def effects(self):
-        """Returns how much the error of each fixed parameter moves the estimates."""
+        """Returns the table of how much the error of each fixed parameter moves the estimates."""
         summary = self.outputs.summary("identify")
-        lines = [] if summary is None else unwrapped(summary.text)
-        lines = [self.in_preferred_unit(line) for line in lines if EFFECT.match(line)]
-        return h.paragraph(f"One standard deviation: {'; '.join(lines)}.") if lines else ""
-
-    def in_preferred_unit(self, line):
-        """Returns a sentence on the effect of an error with this error in the preferred unit."""
-        error, _, name = EFFECT.match(line).groups()
-        if name not in self.preferred:
-            return line
-        unit, power = self.preferred[name]
-        return (f"{float(error) / 10**power:.4g} {unit} in {name} moves "
-                + line[EFFECT.match(line).end():])
+        found = [] if summary is None else [line for line in unwrapped(summary.text)
+                                            if EFFECT.match(line)]
+        rows = []
+        for line in found:
+            error, unit, name = EFFECT.match(line).groups()
+            size = f"{error} {unit or ''}".strip()
+            if name in self.preferred:
+                unit, power = self.preferred[name]
+                size = f"{float(error) / 10**power:.4g} {unit}"
+            moved = dict(piece.split(" by ", 1) for piece in
+                         line[EFFECT.match(line).end():].split(", "))
+            # A change of the reciprocal has no percentage.
+            rows.append((name, size, {key.removeprefix("1/"): text + " in 1/" + key[2:]
+                                      if key.startswith("1/") else text
+                                      for key, text in moved.items()}))
+        names = list(dict.fromkeys(key for *_, moved in rows for key in moved))
+        if not rows:
+            return ""
+        cells = [[h.name_cell(name), size, *(moved.get(key, "") for key in names)]
+                 for name, size, moved in rows]
+        return h.paragraph("One standard deviation of a fixed parameter moves the estimates by:") \
+            + h.table(["fixed", "standard deviation", *map(h.name_cell, names)], [cells], left=2)
 
     # -- record and model
 
@@ -291,8 +301,8 @@ class Fit:
             [p.number(row, "lag", int) for row in rows],
             [p.number(row, "autocorrelation") for row in rows], p.number(rows[0], "band95"),
             "samples" if self.records else "lines"),
-            "Autocorrelation of the residuals. Residuals of a good model look like white noise; "
-            "the intervals are wider if they do not.")
+            "Autocorrelation of the residuals. If the model is complete, most bars lie within the "
+            "band, as those of white noise do.")
 
     def frequency_responses(self):
         """Returns the figures of the frequency responses of the records; empty without any."""

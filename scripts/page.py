@@ -376,7 +376,9 @@ def measured(value, low, high, power=0):
     if value is None:
         return "∞", interval(low, high, decimals, power)
     value /= 10.0**power
-    text = significant(value, 5) if decimals is None else fixed(value, decimals)
+    # Without one of the ends there is no width to tell the digits.
+    is_open = decimals is None and sum(x is None or math.isinf(x) for x in (low, high)) == 1
+    text = significant(value, 3 if is_open else 5) if decimals is None else fixed(value, decimals)
     has_interval = low is not None or high is not None
     return text, interval(low, high, decimals, power) if has_interval else ""
 

@@ -23,7 +23,7 @@ def name_of(studio: Any, place: Input) -> str:
     """Return what the page calls an input."""
     group, which, key = place
     if group == "prior":
-        return f"Standard deviation of {GREEK.get(which, which)}" + f", {key}" * (key not in ("sd", "parameter"))
+        return f"Standard deviation of {GREEK.get(which, which)}" + f", {key}" * (key != "sd")
     name = NAMES.get((group, key)) or studio.labels.get((group, key)) or f"&{group} {key}"
     several = group in NUMBERED and len(studio.session.case.all(group)) > 1
     return f"{name}, {group} {which}" if several else name
@@ -32,7 +32,7 @@ def name_of(studio: Any, place: Input) -> str:
 def value_of(studio: Any, place: Input, values: tuple[str, ...] | None) -> str:
     """Return an input in the unit that the user has chosen for its field."""
     if values is None:
-        return "none"
+        return "not set"
     group, which, key = place
     field = next((one for one in studio.numbers if (
         (group == "prior" and key == "sd" and one.sd.lower() == which.lower())

@@ -20,8 +20,16 @@ OFFERED: tuple[tuple[str, str, dict[str, str]], ...] = (
 KNOWN = (("width", "of the section", LENGTHS), ("height", "of the section", LENGTHS),
          ("density", "of the material", DENSITIES))
 #: Further parameters that may be estimated.
-FURTHER = ["m_T", "J_T", "J_S", "rho", "c_R", "k_w", "c_w", "x_P", "k_P", "c_P", "m_M", "x_M",
-           "m_H", "c_H", "k_H", "x_H", "eta", "a_h", "b_h", "d_1", "b_1", "T"]
+FURTHER = {
+    "m_T": "mass at the tip", "J_T": "rotary inertia at the tip",
+    "J_S": "rotary inertia of the sensor", "rho": "mass per length",
+    "c_R": "damping of the root's rotation", "k_w": "stiffness of an end against deflection",
+    "c_w": "damping of an end's deflection", "x_P": "place of a support",
+    "k_P": "stiffness of a support", "c_P": "damping of a support", "m_M": "mass on the beam",
+    "x_M": "its place", "m_H": "mass of a hose", "c_H": "damping of a hose",
+    "k_H": "stiffness of a hose", "x_H": "place of a hose", "eta": "loss factor",
+    "a_h": "spatial hysteresis", "b_h": "its range", "d_1": "time hysteresis",
+    "b_1": "its relaxation rate", "T": "axial force"}
 
 
 class FitStep:
@@ -129,7 +137,8 @@ class FitStep:
         for name, box in self.boxes.items():
             box.value = name.lower() in {one.lower() for one in free}
         others = [name for name in free if name.lower() not in known]
-        self.further.set_options(list(dict.fromkeys([*FURTHER, *others])), value=others)
+        self.further.set_options({name: f"{name}: {FURTHER[name]}" if name in FURTHER else name
+                                  for name in dict.fromkeys([*FURTHER, *others])}, value=others)
         self.muted = False
 
     def loaded(self) -> None:

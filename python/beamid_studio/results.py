@@ -104,7 +104,7 @@ def report(result: Result, name: str, units: dict[str, tuple[str, int]]) -> str:
     name   of the file of the record
     units  as `sections_of` takes them
     """
-    outputs = Outputs(result.folder)
+    outputs = PageOutputs(result.folder)
     outputs.name = f"{name}, {result.name}"
     return str(command_page.document(outputs, units))
 
@@ -119,6 +119,7 @@ class Results:
         self.shown = 0
         self.outdated: Any = None    #: the sentence above a result of other inputs
         self.back: Any = None        #: the button that takes these inputs back
+        self.guesses: Any = None     #: the sentence on presets that nobody has checked
         self.box = ui.element("div").classes("views fits")
         self.show_all()
 
@@ -138,6 +139,12 @@ class Results:
                 + again)
             for part in (self.outdated, self.back):
                 part.set_visibility(bool(changed))
+            unchecked = self.session.unchecked(result)
+            if self.guesses is not None:
+                self.guesses.text = ("The intervals rest on standard deviations that are guesses "
+                                     f"of the page: {', '.join(unchecked)}. Confirm or correct "
+                                     "them in their fields.")
+                self.guesses.set_visibility(bool(unchecked))
         if self.dark != self.studio.dark:
             self.dark = self.studio.dark
             for chart, spec in self.figures:
@@ -145,7 +152,7 @@ class Results:
 
     def show_all(self) -> None:
         """Show the fit that was shown, the latest one otherwise, or what to do."""
-        self.figures = []
+        self.figures, self.outdated = [], None
         self.box.clear()
         with self.box:
             if not self.session.results:
@@ -176,19 +183,22 @@ class Results:
         self.box.clear()
         with self.box:
             self.fit_list(result)
+            self.guesses = None
             self.outdated = ui.label("").classes("tell").props("data-field=outdated")
             self.back = ui.button(f"Use the inputs of {result.name} again",
                                   on_click=lambda: self.take_back(result)).props(
                 "flat dense no-caps size=sm color=primary data-go=take-back").classes("self-start")
             self.studio.show_found()
-            self.redraw()
             if error or not parts:
+                self.redraw()
                 texts = [error] if error else [self.studio.located(remark)
                                                for remark in result.remarks]
                 for text in texts or ["The fit failed."]:
                     ui.label(f"{result.name.capitalize()} was refused. {text}" if not error else
                              text).classes("tell error")
                 return
+            self.guesses = ui.label("").classes("tell note").props("data-field=unchecked")
+            self.redraw()
             self.actions(result)
             for heading, text in parts:
                 if not heading:

@@ -48,6 +48,7 @@ class Result:
     error: str = ""
     remarks: list[Remark] = field(default_factory=list)
     records: list[Record] = field(default_factory=list)    #: as they were at its beginning
+    presets: dict[str, str | None] = field(default_factory=dict)    #: as those of `Session`
 
     @property
     def name(self) -> str:
@@ -312,6 +313,13 @@ class Session:
         now, then = self.case.inputs(), Case(result.case).inputs()
         return [place for place in {**then, **now} if now.get(place) != then.get(place)]
 
+    def unchecked(self, result: Result) -> list[str]:
+        """Return the parameters of a fit whose errors are presets that nobody has checked."""
+        case = Case(result.case)
+        return [name for name, sd in result.presets.items()
+                if sd is not None and self.presets.get(name) is not None
+                and (case.prior(name) or {}).get("sd") == [sd]]
+
     def hear(self, line: str) -> None:
         """Show a line of the program's progress on the page."""
         self.say(runs.progress_text(line))
@@ -331,7 +339,7 @@ class Session:
         text = self.case_text()
         path = self.folder / "case.nml"
         path.write_text(text, encoding="utf-8")
-        records = [replace(record) for record in self.records]
+        records, presets = [replace(record) for record in self.records], dict(self.presets)
         self.run = runs.Run("identify", path, out, self.hear)
         try:
             status = await self.run.go()
@@ -344,7 +352,8 @@ class Session:
         summary = out / "summary.txt"
         remarks = (verdict_remarks(summary.read_text(encoding="utf-8")) if summary.exists() else
                    [remark_of(line, "error") for line in error.splitlines()] if status else [])
-        result = Result(number, out, text, status, error if status else "", remarks, records)
+        result = Result(number, out, text, status, error if status else "", remarks, records,
+                        presets)
         self.results.append(result)
         return result
 
@@ -355,6 +364,8 @@ class Session:
                         zip(result.records, self.case.all("record"))]
         self.case.chosen = min(chosen, len(self.records) - 1)
         self.used.clear()
+        self.presets.clear()
+        self.presets.update(result.presets)
 
     async def infer(self, command: str, result: Result, extra: str) -> str:
         """Run profile, sample, bootstrap or track on a fit; return what went wrong, or ''.
@@ -431,4 +442,5 @@ class Session:
         text = summary.read_text(encoding="utf-8") if summary.exists() else ""
         self.results.append(Result(1, out, self.case_text(), int(text.startswith("no fit")), "",
                                    verdict_remarks(text),
-                                   [replace(record) for record in self.records]))
+                                   [replace(record) for record in self.records],
+                                   dict(self.presets)))

@@ -111,8 +111,8 @@ class Studio:
     def draw_now(self) -> None:
         """Redraw what the user sees and what needs no long computation."""
         if not self.is_closed():
-            shown = self.shown
-            self.outdated.set_visibility(bool(shown and self.session.changes(shown)))
+            latest = next(iter(self.session.results[-1:]), None)
+            self.outdated.set_visibility(bool(latest and self.session.changes(latest)))
             self.redraws[self.session.step]()
 
     def show_step(self, name: str) -> None:

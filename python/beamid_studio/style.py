@@ -108,7 +108,7 @@ a { color: var(--link); }
 div.report th, div.report td { padding: .22rem .5rem; } div.report table { font-size: .88rem; }
 .fits .refused { color: var(--bad); }
 .report h3 { font-weight: 620; line-height: 1.3; } .report ul { list-style: disc; }
-.report summary { display: list-item; }
+.report summary { display: list-item; } .report pre { box-sizing: border-box; }
 .report > :first-child { margin-top: 0; } .report h3:first-child { margin-top: .4rem; }
 .grid-of-figures { display: grid; gap: .6rem 1rem; width: 100%;
   grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); }

@@ -104,8 +104,8 @@ class NumberField:
         self.tells.own = ""
         if self.sd:
             is_preset = bool(raw) and self.presets.get(self.sd) == raw
-            self.tells.suggest("Preset: press Enter in the field if it is right." if is_preset
-                               else "")
+            self.tells.suggest("Preset, in use: press Enter in the field if it is right."
+                               if is_preset else "")
         self.muted = False
 
     def confirm(self) -> None:
@@ -113,6 +113,7 @@ class NumberField:
         if self.presets.get(self.sd) is not None:
             self.presets[self.sd] = None
             self.tells.suggest("")
+            self.changed()
 
     def read(self) -> None:
         """Take the value that the user has entered."""

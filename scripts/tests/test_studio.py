@@ -857,9 +857,12 @@ def begins_later(tab, server):
 
 def says_what_the_result_is(tab):
     """Units are those of the fields; presets are named, and what each command does."""
-    assert re.search(r"\nE\t203\t.*\tGPa\t", "\n" + tab.locator(
-        ".report:has(.bars) table").last.inner_text())
-    assert tab.get_by_text("Preset: press Enter").count() == 4
+    tables = tab.locator(".report:has(.bars) table")
+    assert re.search(r"\nE\t203\t.*\tGPa\t", "\n" + tables.filter(
+        has_text="from noise alone").inner_text())
+    assert re.search(r"\nheight\t0.02 mm\t\u22124\.\d+ %\t", tables.filter(
+        has_text="standard deviation").inner_text())
+    assert tab.get_by_text("Preset, in use: press Enter").count() == 4
     mass = tab.locator("[data-field=prior-m_s]")
     assert mass.input_value() == "0.5"    # g, a tenth of 5 g
     mass.fill("")
@@ -884,11 +887,14 @@ def follows_changes(tab):
     tab.get_by_text("An error of 10 % would move E by").wait_for(state="hidden", timeout=WAIT)
     tab.fill("[data-field=prior-height]", "0.01")
     wait_for_hints(tab, 2)
+    guesses = tab.locator("[data-field=unchecked]")
+    guesses.get_by_text("guesses of the page: length, density.").wait_for(timeout=WAIT)
     # A preset that is right is confirmed in its field.
     for name in ("length", "density"):
         tab.focus(f"[data-field=prior-{name}]")
         tab.keyboard.press("Enter")
     wait_for_hints(tab, 0)
+    guesses.wait_for(state="hidden", timeout=WAIT)
     tab.click("[data-step=save]")
     differs = tab.locator("[data-field=differs]")
     differs.wait_for(timeout=WAIT)
@@ -940,19 +946,21 @@ def compares(tab):
     estimates = tab.locator(".report table").first.inner_text()
     assert estimates.count("\ndetermined") == 8, estimates    # 4 parameters of 2 fits
     rows = tab.locator(".report table").nth(1).inner_text()
-    for row in ("From\tnone\t1.1 s", "To\tnone\t6 s", "Standard deviation of m_S\t0.5 g\t0.6 g",
+    for row in ("From\tnot set\t1.1 s", "To\tnot set\t6 s",
+                "Standard deviation of m_S\t0.5 g\t0.6 g",
                 "Standard deviation of height\t0.02 mm\t0.01 mm"):
         assert row in rows, rows
     tab.click("[data-fit='1']")
     tab.click("[data-go=take-back]")
     tab.locator("[data-field=outdated]").wait_for(state="hidden", timeout=WAIT)
     assert tab.input_value("[data-field=prior-m_s]") == "0.5"
+    assert tab.get_by_text("Preset, in use: press Enter").count() == 4
     tab.click("[data-step=record]")
     first = tab.locator("[data-field=record-t_first]")
     assert first.input_value() == "" and float(first.get_attribute("placeholder")) == 1
     tab.click("[data-step=fit]")
     tab.click("[data-fit='3']")
-    tab.locator("[data-field=outdated]").get_by_text("From (1.1 s, now none)").wait_for(
+    tab.locator("[data-field=outdated]").get_by_text("From (1.1 s, now not set)").wait_for(
         timeout=WAIT)
     tab.click("[data-go=take-back]")
     tab.locator("[data-field=outdated]").wait_for(state="hidden", timeout=WAIT)

@@ -17,7 +17,7 @@ module beamid_case_checks
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: compliance_at, deflection, is_coefficient, n_parameters, of_a_h, &
       of_eta, of_g, of_T, of_x_F, structure_t, tip, x_S_at
-   use beamid_structure_checks, only: add_unit_hint, check_structure
+   use beamid_structure_checks, only: add_unit_hint, check_structure, is_at_tip
    implicit none
    private
 
@@ -157,7 +157,7 @@ contains
          if (any([(any(case%stages(k)%free == compliance_at(deflection, tip)), &
             k=1, size(case%stages))])) return
          do k = 1, max(1, s%sensors)
-            if (.not. s%is_at_tip(s%place(x_S_at(k)))) cycle
+            if (.not. is_at_tip(s, s%place(x_S_at(k)))) cycle
             call refuse(case%path, 0, 'sensor x_S', to_text(s%length)//', the tip, which &end '// &
                'holds', 'a place that moves', error)
             return

@@ -36,8 +36,8 @@ module beamid_beams
       !> `check_structure` then refuses the structure
       logical :: has_unknown_parameter = .false.
    contains
-      procedure :: has_hose, essential, is_at_tip, has_end_spring, has_spring, rigid_supports, &
-         items, place, follows_tip, sensor_place, get, set, has_dip, has_fields, factors, factor_slopes
+      procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, items, place, &
+         follows_tip, sensor_place, get, set, has_dip, has_fields, factors, factor_slopes
    end type beam_t
 
    !> The parameter whose value all coefficients of E(x), or of c_D(x), have before a fit.
@@ -101,14 +101,6 @@ contains
          yielding(:, e) = [(any(parameters == compliance_at(c, e)), c=deflection, rotation)]
       end do
    end function yielding
-
-   !> Returns whether a place x [m] is the tip, up to rounding of the case file.
-   pure logical function is_at_tip(self, x)
-      class(beam_t), intent(in) :: self
-      real(wp), intent(in) :: x
-
-      is_at_tip = x >= self%length*(1 - 1e-6_wp)
-   end function is_at_tip
 
    !> Returns whether an end has a spring, rigid or not, for its deflection or its rotation.
    pure logical function has_end_spring(self, condition, end)

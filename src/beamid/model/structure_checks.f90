@@ -14,7 +14,7 @@ module beamid_structure_checks
    private
 
    public :: check_structure, check_axial_load, check_causal, check_local, add_unit_hint, &
-      furthest_parameter
+      is_at_tip, furthest_parameter
 
    !> Largest axial force, as a multiple of E I/length**2. At this force the beam is 500 times as
    !> long as sqrt(E I/N), the length over which the force bends it. Under a larger tension the beam
@@ -94,6 +94,14 @@ contains
          to_text(value)//', expected '//expected)
    end subroutine check_range
 
+   !> Returns whether a place x [length] is the tip, up to rounding in a case file.
+   pure logical function is_at_tip(structure, x)
+      type(structure_t), intent(in) :: structure
+      real(wp), intent(in) :: x
+
+      is_at_tip = x >= structure%length*(1 - 1e-6_wp)
+   end function is_at_tip
+
    !> Refuses a value of parameter k that has no effect without another parameter, and two supports
    !> at one position.
    subroutine check_combination(structure, k, error)
@@ -108,7 +116,7 @@ contains
                key_of(k)//': found a value without '//key_of(needs)//', expected both')
          end if
          if (allocated(error) .or. .not. any(x_P_at == k)) return
-         if (structure%is_at_tip(structure%support(item)%x_P) .and. any([( &
+         if (is_at_tip(structure, structure%support(item)%x_P) .and. any([( &
             structure%has_spring(item, c) .and. structure%has_end_spring(c, tip), &
             c=deflection, rotation)])) call bad_input(error, 'x_P: found a support at the '// &
             'tip, which &end holds already, expected one of the two')
