@@ -129,15 +129,17 @@ contains
       type(number_table_t), intent(inout) :: draws
       type(text_t), intent(inout) :: motion, modes, text
       type(interval_t), allocatable, intent(inout) :: intervals(:)
-      real(wp), allocatable :: x(:)
+      real(wp), allocatable :: x(:), values(:, :)
       real(wp) :: mean, sd
       integer :: i, k, length
 
       associate (d => posterior%draws)
          length = size(d%q, 2)/chains
+         allocate (values(1 + size(d%q, 1), size(d%q, 2)))
+         values(1, :) = d%log_density
+         values(2:, :) = d%q
          call draws%append(reshape([((i - 1)/length, modulo(i - 1, length), fit%elements, &
-            i=1, size(d%q, 2))], [3, size(d%q, 2)]), reshape([(d%log_density(i), d%q(:, i), &
-            i=1, size(d%q, 2))], [1 + size(d%q, 1), size(d%q, 2)]))
+            i=1, size(d%q, 2))], [3, size(d%q, 2)]), values)
          call text%line()
          if (d%weighted) then
             call text%line('posterior: '//to_text(size(d%q, 2))//' draws by importance '// &
