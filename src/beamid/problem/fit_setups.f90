@@ -176,7 +176,9 @@ contains
    pure integer function prior_rows(self)
       class(fit_setup_t), intent(in) :: self
 
-      prior_rows = count(priors_of(self%priors, self%free, self%record) > 0)
+      prior_rows = 0
+      if (size(self%priors) > 0) prior_rows = count(priors_of(self%priors, self%free, &
+         self%record) > 0)
    end function prior_rows
 
    !> Returns the rows of the penalty on one field.
