@@ -237,10 +237,11 @@ class Fit:
                 size = f"{float(error) / 10**power:.4g} {unit}"
             moved = dict(piece.split(" by ", 1) for piece in
                          line[EFFECT.match(line).end():].split(", "))
-            # A change of the reciprocal has no percentage.
-            rows.append((name, size, {key.removeprefix("1/"): text + " in 1/" + key[2:]
-                                      if key.startswith("1/") else text
-                                      for key, text in moved.items()}))
+            # A change of the reciprocal of a stiffness has no percentage.
+            rows.append((name, size, {
+                key.removeprefix("1/"): f"{h.significant(float(text), 3)} in {key}"
+                if key.startswith("1/") and not text.endswith(("%", "amount")) else text
+                for key, text in moved.items()}))
         names = list(dict.fromkeys(key for *_, moved in rows for key in moved))
         if not rows:
             return ""
@@ -301,8 +302,8 @@ class Fit:
             [p.number(row, "lag", int) for row in rows],
             [p.number(row, "autocorrelation") for row in rows], p.number(rows[0], "band95"),
             "samples" if self.records else "lines"),
-            "Autocorrelation of the residuals. If the model is complete, most bars lie within the "
-            "band, as those of white noise do.")
+            "Autocorrelation of the residuals. If the model is complete, most points lie within "
+            "the band, as those of white noise do.")
 
     def frequency_responses(self):
         """Returns the figures of the frequency responses of the records; empty without any."""

@@ -187,7 +187,7 @@ class Results:
             self.outdated = ui.label("").classes("tell").props("data-field=outdated")
             self.back = ui.button(f"Use the inputs of {result.name} again",
                                   on_click=lambda: self.take_back(result)).props(
-                "flat dense no-caps size=sm color=primary data-go=take-back").classes("self-start")
+                "outline dense no-caps padding='2px 12px' data-go=take-back").classes("self-start")
             self.studio.show_found()
             if error or not parts:
                 self.redraw()
@@ -425,7 +425,9 @@ def comparison(results: list[Result], inputs: list[list[str]],
     verdicts = "".join(f"<h3>{html.escape(result.name.capitalize())}</h3>"
                        + fit.verdict().replace(fit.quality_table(), "")
                        for result, fit in zip(results, fits))
-    differ = [[h.Raw(html.escape(text)) for text in row] for row in inputs]
+    # Names of files may look like symbols.
+    differ = [[h.Raw(h.rich(row[0])), *(h.Raw(html.escape(text)) for text in row[1:])]
+              for row in inputs]
     return (h.table(rows[0], [rows[1:]]) + "<h3>Inputs that differ</h3>\n"
             + (h.table(rows[0], [differ], wrap=range(1, len(rows[0]))) if differ else
                h.paragraph("None.")) + verdicts)

@@ -406,6 +406,8 @@ async def build(studio: Studio, first: Path | None) -> None:
                 with ui.tab(name, label).props(f'data-step="{name}"'):
                     studio.badges[name] = ui.badge("").props("color=orange-9 rounded")
                     studio.badges[name].set_visibility(False)
+                    with studio.badges[name]:
+                        ui.tooltip("Number of remarks at the fields of this step")
                     if name == "fit":
                         studio.outdated = ui.badge("outdated").props(
                             "color=grey-7 rounded data-mark=outdated")

@@ -947,7 +947,7 @@ def compares(tab):
     assert estimates.count("\ndetermined") == 8, estimates    # 4 parameters of 2 fits
     rows = tab.locator(".report table").nth(1).inner_text()
     for row in ("From\tnot set\t1.1 s", "To\tnot set\t6 s",
-                "Standard deviation of m_S\t0.5 g\t0.6 g",
+                "Standard deviation of mS\t0.5 g\t0.6 g",
                 "Standard deviation of height\t0.02 mm\t0.01 mm"):
         assert row in rows, rows
     tab.click("[data-fit='1']")
