@@ -2,9 +2,10 @@
 !> data, of which the profiles were found with scipy; bounds, ends that are nowhere, and models that
 !> fail.
 program test_profile_likelihood
+   use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_profile_likelihood, only: at_bound, follow_profile, is_closed, is_lost, is_open, &
-      side_t
+      minimise_at, side_t
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -44,6 +45,7 @@ program test_profile_likelihood
    call test_edges()
    call test_edge_at_bound()
    call test_no_effect()
+   call test_far_value()
    call finish('profile_likelihood')
 
 contains
@@ -362,5 +364,29 @@ contains
       call follow_profile(problem, 30, variables, estimate, J_min, 1, 1, rise, h(1), side)
       call check_close('beside one without effect', (side%end - b(1))/h(1), 1.0_wp, close_enough)
    end subroutine test_no_effect
+
+   !> A way to a hundred times the estimate. In a linear problem J rises all the way: the way ends
+   !> at its second step, at four times the estimate, if a value that J exceeds there is hopeless.
+   !> The other parameters follow the third with slopes of C[:2, 2]/C[2, 2], C = inv(X.T@X). Each
+   !> search begins with an exact step, so that round-off alone is left.
+   subroutine test_far_value()
+      type(curve_t) :: problem
+      type(error_t), allocatable :: error
+      real(wp), parameter :: slopes(2) = [0.183703703703704_wp, -1.0333333333333339_wp]
+      real(wp) :: q(3)
+      integer :: k
+
+      do k = 1, 2
+         problem = linear(.true.)
+         q = b
+         call minimise_at(problem, 30, around(b), 3, 100*b(3), merge(huge(1.0_wp), 1.2_wp*J_min, &
+            k == 1), q, error)
+         call check('far value: found', .not. allocated(error))
+         call check_close('far value: where the way ends, in estimates', q(3)/b(3), &
+            merge(100.0_wp, 4.0_wp, k == 1), 1e-12_wp)
+         call check_close('far value: others', maxval(abs((q(:2) - b(:2))/(q(3) - b(3)) &
+            - slopes)), 0.0_wp, 1e-9_wp)
+      end do
+   end subroutine test_far_value
 
 end program test_profile_likelihood
