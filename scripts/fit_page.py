@@ -23,6 +23,8 @@ SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("fixed parameters"
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
+#: Correlation above which two parameters can hardly be told apart.
+HARDLY_APART = 0.99
 #: How much the error of a fixed parameter moves the estimates: below the sources of errors.
 EFFECT = re.compile(r"([\d.E+-]+) (.+ )?in (\S+) moves ")
 #: Beginnings of sentences that limit a good result.
@@ -196,7 +198,30 @@ class Fit:
                            "if the model is right. Numbers are rounded to the digits that their "
                            "intervals justify.")
         return h.table(["parameter", "estimate", "95 % interval", "unit",
-                        "from noise alone", "determined"], [rows]) + note + self.sources()
+                        "from noise alone", "determined"], [rows]) + note + self.compensating() \
+            + self.sources()
+
+    def compensating(self):
+        """Returns a sentence on the parameters that can hardly be told apart; empty without any."""
+        names, groups = [row["parameter"] for row in self.main], []
+        for pair, number in self.correlation_matrix().items():
+            if pair[0] != pair[1] and abs(number) > HARDLY_APART and {*pair} <= {*names}:
+                touched = [group for group in groups if group & {*pair}]
+                groups = [group for group in groups if group not in touched]
+                groups.append({*pair}.union(*touched))
+        told = "; ".join(", ".join(sorted(group, key=names.index)) for group in groups)
+        return h.paragraph(f"Hardly to be told apart, with correlations above {HARDLY_APART:g}: "
+                           f"{told}. An error of one is compensated by the others. If an interval "
+                           "is too wide, fix one of them at a known value.") if told else ""
+
+    def correlation_matrix(self):
+        """Returns the correlations of the last stage by pairs of names; empty without any."""
+        if not has_rows(self.folder / "correlations.csv"):
+            return {}
+        return {(row["parameter"], row["other"]): p.number(row, "correlation")
+                for row in self.outputs.table("correlations.csv", "stage", "elements",
+                                              "parameter", "other", "correlation")
+                if row["stage"] == self.stage and row["elements"] == str(self.elements)}
 
     def sources(self):
         """Returns a bar for each parameter: the shares of its variance by source."""
@@ -442,10 +467,7 @@ class Fit:
         names = [row["parameter"] for row in self.main]
         if not has_rows(self.folder / "correlations.csv"):
             return h.paragraph("The fit leaves no degree of freedom for correlations.")
-        matrix = {(row["parameter"], row["other"]): p.number(row, "correlation")
-                  for row in self.outputs.table("correlations.csv", "stage", "elements",
-                                                "parameter", "other", "correlation")
-                  if row["stage"] == self.stage and row["elements"] == str(self.elements)}
+        matrix = self.correlation_matrix()
         rows = [[h.name_cell(name), *(self.mark(matrix.get((name, other)), name == other)
                                       for other in names)] for name in names]
         return h.table(["", *map(h.name_cell, names)], [rows]) + h.paragraph(

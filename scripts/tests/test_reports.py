@@ -11,8 +11,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import fit_page
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 OUT = CHECKOUT / "out" / "screenshots"
@@ -274,3 +279,16 @@ def test_reproduce_all(everything):
     shutil.rmtree(alone, ignore_errors=True)
     run(program(), "reproduce", "section-4", "--out", alone, "--quiet")
     assert (alone / "summary.txt").read_text() == texts["section-4"]
+
+
+def test_hardly_apart():
+    """Parameters that are correlated with one another make one group, whatever their order."""
+    names = ["E", "m_S", "c_D", "k_R", "gamma", "offset"]
+    strong = {("E", "k_R"): -1.0, ("c_D", "m_S"): 0.995, ("k_R", "m_S"): 0.991,
+              ("gamma", "offset"): -0.999, ("E", "gamma"): 0.98, ("E", "cos_1"): 0.999}
+    fit = SimpleNamespace(main=[{"parameter": name} for name in names], correlation_matrix=lambda: {
+        **strong, **{(name, name): 1.0 for name in names}})
+    text = re.sub("<[^>]*>", "", fit_page.Fit.compensating(fit))
+    assert "0.99: E, mS, cD, kR; γ, offset." in text
+    fit.correlation_matrix = lambda: {("E", "k_R"): 0.98}
+    assert fit_page.Fit.compensating(fit) == ""
