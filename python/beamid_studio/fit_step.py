@@ -64,8 +64,8 @@ class FitStep:
         number = self.studio.number
         with panel("Estimated and known", "Tick what the fit estimates. State the standard "
                    "deviation of what you have measured: the intervals then include it. A preset "
-                   "is a guess of the page. An empty field counts as exactly known, or as not "
-                   "known at all if its parameter is ticked."):
+                   "is a guess of the page, and counts as well. An empty field counts as exactly "
+                   "known, or as not known at all if its parameter is ticked."):
             with ui.element("div").classes("choices"):
                 for text in ("", "parameter", "standard deviation"):
                     ui.label(text).classes("head")

@@ -104,8 +104,7 @@ class NumberField:
         self.tells.own = ""
         if self.sd:
             is_preset = bool(raw) and self.presets.get(self.sd) == raw
-            self.tells.suggest("Preset, in use: press Enter in the field if it is right."
-                               if is_preset else "")
+            self.tells.suggest("Preset: Enter confirms" if is_preset else "")
         self.muted = False
 
     def confirm(self) -> None:

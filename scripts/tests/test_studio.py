@@ -862,7 +862,7 @@ def says_what_the_result_is(tab):
         has_text="from noise alone").inner_text())
     assert re.search(r"\nheight\t0.02 mm\t\u22124\.\d+ %\t", tables.filter(
         has_text="standard deviation").inner_text())
-    assert tab.get_by_text("Preset, in use: press Enter").count() == 4
+    assert tab.get_by_text("Preset: Enter confirms").count() == 4
     mass = tab.locator("[data-field=prior-m_s]")
     assert mass.input_value() == "0.5"    # g, a tenth of 5 g
     mass.fill("")
@@ -954,7 +954,7 @@ def compares(tab):
     tab.click("[data-go=take-back]")
     tab.locator("[data-field=outdated]").wait_for(state="hidden", timeout=WAIT)
     assert tab.input_value("[data-field=prior-m_s]") == "0.5"
-    assert tab.get_by_text("Preset, in use: press Enter").count() == 4
+    assert tab.get_by_text("Preset: Enter confirms").count() == 4
     tab.click("[data-step=record]")
     first = tab.locator("[data-field=record-t_first]")
     assert first.input_value() == "" and float(first.get_attribute("placeholder")) == 1
