@@ -599,10 +599,10 @@ def document(outputs, units=None):
     commands = [name for name in outputs.commands() if name in LEADS]
     did = [LEADS[name] for name in sorted(commands, key=list(LEADS).index)]
     lead = ", ".join(did[:-1]) + " and " * (len(did) > 1) + did[-1]
-    summary = outputs.summary(*outputs.commands())
     ending = case_section(outputs)
-    if summary:
-        ending += h.unfolded("All that the program printed", summary.text)
+    if outputs.written_by("summary.txt", *outputs.commands()):
+        ending += h.unfolded("All that the program printed",
+                             read_text(outputs.folder / "summary.txt"))
     opening = (f"<h1>{html.escape(outputs.name)}</h1>\n"
                f'<p class="lead"><code>beamid</code> {h.rich(lead)}.</p>\n' + "".join(boxes))
     kind = "a fit" if "identify" in commands else " and ".join(commands)

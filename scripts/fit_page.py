@@ -465,9 +465,9 @@ class Fit:
     def correlations(self):
         """Returns the matrix of correlations, strong ones stressed."""
         names = [row["parameter"] for row in self.main]
-        if not has_rows(self.folder / "correlations.csv"):
-            return h.paragraph("The fit leaves no degree of freedom for correlations.")
         matrix = self.correlation_matrix()
+        if not matrix:
+            return h.paragraph("The fit leaves no degree of freedom for correlations.")
         rows = [[h.name_cell(name), *(self.mark(matrix.get((name, other)), name == other)
                                       for other in names)] for name in names]
         return h.table(["", *map(h.name_cell, names)], [rows]) + h.paragraph(

@@ -99,7 +99,7 @@ def mode_pictures(result: Result) -> str:
 
 
 def report(result: Result, name: str, units: dict[str, tuple[str, int]]) -> str:
-    """Return the page about a fit, as `beamid report` writes it.
+    """Return the page about a fit as `beamid report` writes it, with advice in words of the studio.
 
     name   of the file of the record
     units  as `sections_of` takes them
@@ -118,7 +118,6 @@ class Results:
         self.dark = studio.dark
         self.shown = 0
         self.outdated: Any = None    #: the sentence above a result of other inputs
-        self.back: Any = None        #: the button that takes these inputs back
         self.guesses: Any = None     #: the sentence on presets that nobody has checked
         self.box = ui.element("div").classes("views fits")
         self.show_all()
@@ -137,14 +136,12 @@ class Results:
             self.outdated.text = changed and (
                 f"Outdated: the inputs of {result.name} are not those of the page now: {changed}."
                 + again)
-            for part in (self.outdated, self.back):
-                part.set_visibility(bool(changed))
+            self.outdated.set_visibility(bool(changed))
             unchecked = self.session.unchecked(result)
-            if self.guesses is not None:
-                self.guesses.text = ("The intervals rest on standard deviations that are guesses "
-                                     f"of the page: {', '.join(unchecked)}. Confirm or correct "
-                                     "them in their fields.")
-                self.guesses.set_visibility(bool(unchecked))
+            self.guesses.text = ("The intervals rest on standard deviations that are guesses of "
+                                 f"the page: {', '.join(unchecked)}. Confirm or correct them in "
+                                 "their fields.")
+            self.guesses.set_visibility(bool(unchecked))
         if self.dark != self.studio.dark:
             self.dark = self.studio.dark
             for chart, spec in self.figures:
@@ -183,22 +180,21 @@ class Results:
         self.box.clear()
         with self.box:
             self.fit_list(result)
-            self.guesses = None
             self.outdated = ui.label("").classes("tell").props("data-field=outdated")
-            self.back = ui.button(f"Use the inputs of {result.name} again",
-                                  on_click=lambda: self.take_back(result)).props(
-                "outline dense no-caps padding='2px 12px' data-go=take-back").classes("self-start")
+            ui.button(f"Use the inputs of {result.name} again",
+                      on_click=lambda: self.take_back(result)).props(
+                "outline dense no-caps padding='2px 12px' data-go=take-back").classes(
+                "self-start").bind_visibility_from(self.outdated)
+            self.guesses = ui.label("").classes("tell note").props("data-field=unchecked")
             self.studio.show_found()
+            self.redraw()
             if error or not parts:
-                self.redraw()
                 texts = [error] if error else [self.studio.located(remark)
                                                for remark in result.remarks]
                 for text in texts or ["The fit failed."]:
                     ui.label(f"{result.name.capitalize()} was refused. {text}" if not error else
                              text).classes("tell error")
                 return
-            self.guesses = ui.label("").classes("tell note").props("data-field=unchecked")
-            self.redraw()
             self.actions(result)
             for heading, text in parts:
                 if not heading:

@@ -315,6 +315,8 @@ class Session:
 
     def unchecked(self, result: Result) -> list[str]:
         """Return the parameters of a fit whose errors are presets that nobody has checked."""
+        if result.is_refused:
+            return []
         case = Case(result.case)
         return [name for name, sd in result.presets.items()
                 if sd is not None and self.presets.get(name) is not None
@@ -339,7 +341,7 @@ class Session:
         text = self.case_text()
         path = self.folder / "case.nml"
         path.write_text(text, encoding="utf-8")
-        records, presets = [replace(record) for record in self.records], dict(self.presets)
+        kept = self.kept()
         self.run = runs.Run("identify", path, out, self.hear)
         try:
             status = await self.run.go()
@@ -352,10 +354,13 @@ class Session:
         summary = out / "summary.txt"
         remarks = (verdict_remarks(summary.read_text(encoding="utf-8")) if summary.exists() else
                    [remark_of(line, "error") for line in error.splitlines()] if status else [])
-        result = Result(number, out, text, status, error if status else "", remarks, records,
-                        presets)
+        result = Result(number, out, text, status, error if status else "", remarks, *kept)
         self.results.append(result)
         return result
+
+    def kept(self) -> tuple[list[Record], dict[str, str | None]]:
+        """Return copies of the records and presets, which a result needs to be taken back."""
+        return [replace(record) for record in self.records], dict(self.presets)
 
     def take_back(self, result: Result) -> None:
         """Make the inputs of a fit those of the page again; its tables are still there."""
@@ -441,6 +446,4 @@ class Session:
         summary = out / "summary.txt"
         text = summary.read_text(encoding="utf-8") if summary.exists() else ""
         self.results.append(Result(1, out, self.case_text(), int(text.startswith("no fit")), "",
-                                   verdict_remarks(text),
-                                   [replace(record) for record in self.records],
-                                   dict(self.presets)))
+                                   verdict_remarks(text), *self.kept()))

@@ -73,7 +73,7 @@ class Studio:
         """Add a field for a number of the case."""
         field = NumberField(lambda: self.session.case, (group, key.lower()), label, units,
                             lambda: self.take_number(group, key), chosen=self.session.chosen_units,
-                            presets=self.session.presets, **options)
+                            presets=self.session.presets, confirmed=self.draw_now, **options)
         self.numbers.append(field)
         if not options.get("sd"):
             self.tells[field.place] = field.tells
@@ -111,8 +111,8 @@ class Studio:
     def draw_now(self) -> None:
         """Redraw what the user sees and what needs no long computation."""
         if not self.is_closed():
-            latest = next(iter(self.session.results[-1:]), None)
-            self.outdated.set_visibility(bool(latest and self.session.changes(latest)))
+            results = self.session.results
+            self.outdated.set_visibility(bool(results and self.session.changes(results[-1])))
             self.redraws[self.session.step]()
 
     def show_step(self, name: str) -> None:

@@ -60,9 +60,10 @@ class NumberField:
     def __init__(self, case: Callable[[], Case], place: Field, label: str, units: dict[str, str],
                  changed: Callable[[], None], *, sd: str = "",
                  chosen: dict[tuple[str, ...], str] | None = None,
-                 presets: dict[str, str | None] | None = None) -> None:
+                 presets: dict[str, str | None] | None = None,
+                 confirmed: Callable[[], None] = lambda: None) -> None:
         self.presets = {} if presets is None else presets    #: standard deviations to be checked
-        self.case, self.place, self.changed = case, place, changed
+        self.case, self.place, self.changed, self.confirmed = case, place, changed, confirmed
         self.units, self.sd, self.muted = units, sd, False
         self.chosen = {} if chosen is None else chosen    #: units that the user has chosen
         with ui.element("div").classes("field"):
@@ -112,7 +113,7 @@ class NumberField:
         if self.presets.get(self.sd) is not None:
             self.presets[self.sd] = None
             self.tells.suggest("")
-            self.changed()
+            self.confirmed()
 
     def read(self) -> None:
         """Take the value that the user has entered."""

@@ -851,6 +851,8 @@ def begins_later(tab, server):
     badge.wait_for(state="hidden", timeout=WAIT)
     tab.click("[data-fit='1']")
     badge.wait_for(timeout=WAIT)
+    # The buttons are new ones as soon as the result is shown; a click on an old one is lost.
+    tab.locator("[data-go=report]").get_by_text("Report of fit 1").wait_for(timeout=WAIT)
     tab.click(f"[data-fit='{fits + 1}']")
     badge.wait_for(state="hidden", timeout=WAIT)
 
