@@ -271,8 +271,13 @@ contains
    !> a result must not depend on what another evaluation in the same thread has left, and gfortran
    !> 12 calls through a wild pointer if a polymorphic variable is private to a thread without work.
    !>
-   !> seed   of all draws
-   !> first  number of the first draw; the other arguments are those of `draw_block`
+   !> seed         of all draws
+   !> first        number of the first draw
+   !> y            (n, draws) coordinates in units of the axes, from the mode
+   !> value        (draws) log density of the parameters
+   !> log_weight   (draws) as in `draw_more`
+   !> counted      number of evaluations, of which those of these draws are added
+   !> is_negative  becomes .true. if a random weight is not positive
    subroutine draw_part(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
       is_negative)
       class(density_t), intent(in) :: density
@@ -284,48 +289,20 @@ contains
       integer, intent(inout) :: counted
       logical, intent(inout) :: is_negative
       class(density_t), allocatable :: mine
-      integer :: at, b, last
-
-      allocate (mine, source=density)
-      at = 1
-      do while (at <= size(value))
-         b = (first + at - 2)/block + 1
-         last = min(b*block - first + 1, size(value))
-         call draw_block(mine, proposal, surrogate, seed + 7919*b, first + at - 1 - (b - 1)*block, &
-            y(:, at:last), value(at:last), log_weight(at:last), counted, is_negative)
-         at = last + 1
-      end do
-   end subroutine draw_part
-
-   !> Computes the draws first, first + 1, ... of one block.
-   !>
-   !> seed         of the block
-   !> first        number in the block of the first draw
-   !> y            (n, draws) coordinates in units of the axes, from the mode
-   !> value        (draws) log density of the parameters
-   !> log_weight   (draws) as in `draw_more`
-   !> counted      number of evaluations, of which those of the block are added
-   !> is_negative  becomes .true. if a random weight is not positive
-   subroutine draw_block(density, proposal, surrogate, seed, first, y, value, log_weight, counted, &
-      is_negative)
-      class(density_t), intent(inout) :: density
-      type(proposal_t), intent(in) :: proposal
-      type(surrogate_t), intent(in) :: surrogate
-      integer, intent(in) :: seed, first
-      real(wp), intent(out) :: y(:, :)
-      real(wp), intent(inout) :: value(:), log_weight(:)
-      integer, intent(inout) :: counted
-      logical, intent(inout) :: is_negative
       real(wp), dimension(size(y, 1)) :: q, x, width
       real(wp) :: z(size(y, 1), block), u(3, block), scale, share, guess, factor
-      integer :: i, n, place
+      integer :: i, n, of_block, place
 
+      allocate (mine, source=density)
       n = size(y, 1)
-      z = reshape(gaussian_noise(n*block, 1.0_wp, seed), [n, block])
-      u(:2, :) = reshape(uniform_noise(2*block, seed + 3), [2, block])
-      u(3, :) = uniform_noise(block, seed + 5)
       do i = 1, size(y, 2)
-         place = first + i - 1
+         place = modulo(first + i - 2, block) + 1
+         if (i == 1 .or. place == 1) then
+            of_block = seed + 7919*((first + i - 2)/block + 1)
+            z = reshape(gaussian_noise(n*block, 1.0_wp, of_block), [n, block])
+            u(:2, :) = reshape(uniform_noise(2*block, of_block + 3), [2, block])
+            u(3, :) = uniform_noise(block, of_block + 5)
+         end if
          ! Sum of two exponential variables: chi-square with four degrees of freedom.
          scale = sqrt(t_freedom/(-2*log(u(1, place)*u(2, place))))
          associate (e => z(:, place))
@@ -344,7 +321,7 @@ contains
             else if (u(3, place) > share) then
                value(i) = guess
             else
-               call density%evaluate(q, value(i))
+               call mine%evaluate(q, value(i))
                counted = counted + 1
                if (share < 1) then
                   factor = 1 + (exp(min(value(i) - guess, 700.0_wp)) - 1)/share
@@ -358,7 +335,7 @@ contains
                + sum(log(width)) + (t_freedom + n)/2*log(1 + sum(e**2)/t_freedom)
          end associate
       end do
-   end subroutine draw_block
+   end subroutine draw_part
 
    !> Resamples weighted draws to draws of equal weight, in random order (systematic resampling).
    !>

@@ -241,9 +241,12 @@ contains
       type(posterior_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), limit(:)
-      real(wp) :: shares(size(estimate)), of_side(2, size(estimate))
+      real(wp) :: shares(size(estimate)), of_side(2, size(estimate)), negligible
+      type(posterior_t), allocatable :: copy
       integer :: task
 
+      allocate (copy, source=density)
+      call copy%find_negligible(estimate, negligible)
       of_side = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do task = 1, size(of_side)
@@ -259,7 +262,8 @@ contains
       subroutine find_share(k, side)
          integer, intent(in) :: k, side
 
-         of_side(side, k) = share_beyond(density, variables, estimate, k, (2*side - 3)*limit(k))
+         of_side(side, k) = share_beyond(density, variables, estimate, k, (2*side - 3)*limit(k), &
+            negligible)
       end subroutine find_share
 
    end function shares_beyond
@@ -270,16 +274,17 @@ contains
    !> relative to the same at the estimate. 0 if a bound comes first, if it cannot be computed, or
    !> if on the way there the density has become negligible and still falls.
    !>
-   !> estimate  (n) mode of the posterior
-   !> k         index of the parameter
-   !> limit     artificial end of its range, of either sign
-   real(wp) function share_beyond(density, variables, estimate, k, limit) result(share)
+   !> estimate    (n) mode of the posterior
+   !> k           index of the parameter
+   !> limit       artificial end of its range, of either sign
+   !> negligible  as of `find_negligible` for the estimate
+   real(wp) function share_beyond(density, variables, estimate, k, limit, negligible) result(share)
       type(posterior_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(in) :: estimate(:), limit
+      real(wp), intent(in) :: estimate(:), limit, negligible
       integer, intent(in) :: k
       type(posterior_t), allocatable :: mine
-      real(wp) :: q(size(estimate)), negligible, volume_here, volume_there
+      real(wp) :: q(size(estimate)), volume_here, volume_there
       type(error_t), allocatable :: error
       integer :: i
 
@@ -287,7 +292,6 @@ contains
       if (variables(k)%upper < limit .or. variables(k)%lower > limit) return
       allocate (mine, source=density)
       q = estimate
-      call mine%find_negligible(q, negligible)
       call minimise_at(mine%problem, mine%problem%rows(), variables, k, 0.75_wp*limit, &
          negligible, q, error)
       if (allocated(error) .or. abs(q(k) - 0.75_wp*limit) > 0) return
